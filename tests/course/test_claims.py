@@ -216,15 +216,14 @@ def wrong_sign_of_p_b(monkeypatch):
 
 
 def miswired_diagram(monkeypatch):
-    equations = signals.equations
+    equations = signals.Values.equations
 
     def changed(blocks, **kind):
         matrix = equations(blocks, **kind)
         matrix[..., 1, 2] *= -1
         return matrix
 
-    monkeypatch.setattr(signals, "equations", changed)
-    everywhere(monkeypatch, "equations", changed)
+    monkeypatch.setattr(signals.Values, "equations", changed)
 
 
 def wrong_formulas(monkeypatch):

@@ -24,14 +24,10 @@ from .signals import (
     ORDERS,
     STOPPED,
     Values,
-    blocks_of,
     every,
-    from_diagram,
     is_stable,
     many_loops,
-    matched_blocks,
     numbers,
-    random_blocks,
     same,
 )
 
@@ -61,9 +57,9 @@ def tracking_at_low_frequency() -> Finding:
 
     The exact factor is compared with the diagram at random values; on loops it tends to 1 with s.
     """
-    v = random_blocks(np.random.default_rng(5))
+    v = Values.random(5)
     wanted = v.CGm / (1 + v.CGm)
-    factor = from_diagram("T_R", v) / wanted
+    factor = v.map("T_R") / wanted
 
     def compared(loop: NRDOB, s: ComplexArray) -> ComplexArray:
         return np.asarray(loop.T_R(s) * (1 + loop.CGm(s)) / loop.CGm(s))
@@ -95,7 +91,7 @@ def output_disturbance_at_low_frequency() -> Finding:
 
     The exact form is compared with the diagram at random values, S_d(0) is exactly 0 on loops.
     """
-    v = random_blocks(np.random.default_rng(5))
+    v = Values.random(5)
     filters = [LowPassFilter(1.0, order) for order in ORDERS[:3]]
     error = [abs(1 - F(1j * F.bandwidth)) for F in filters]
     reach = [brentq(lambda x, F=F: abs(1 - F(1j * x)) - NEAR, 0, 1) / F.bandwidth for F in filters]
@@ -106,10 +102,8 @@ def output_disturbance_at_low_frequency() -> Finding:
         f"{numbers(error)} for n = 1, 2, 3, and below 0.1 only up to {numbers(reach)} of ω_B",
         ABOUT,
         conditions={
-            "S_d = (1 − F)/(1 + FH)": same(from_diagram("S_d", v), (1 - v.F) / (1 + v.FH)),
-            "S_d = 1 − F with a perfect model": same(
-                from_diagram("S_d", matched_blocks(v)), 1 - v.F
-            ),
+            "S_d = (1 − F)/(1 + FH)": same(v.map("S_d"), (1 - v.F) / (1 + v.FH)),
+            "S_d = 1 − F with a perfect model": same(v.matched.map("S_d"), 1 - v.F),
             "S_d(0) = 0": every(loop.S_d.dc_gain == 0 for loop in many_loops()),
             "|1 − F| is near 1 at ω_B": every(value > 0.5 for value in error),
         },
@@ -123,7 +117,7 @@ def noise_at_low_frequency() -> Finding:
     The condition fails for Gm = 1/s under G = 1/(s + 1): the diagram at s = 10⁻⁸ gives another
     value than −1.
     """
-    v = random_blocks(np.random.default_rng(5))
+    v = Values.random(5)
     loops = many_loops()
     distance = _worst(lambda loop: float(np.abs(np.abs(loop.S_eta(_low_band(loop))) + 1).min()))
     at_zero = [loop.S_eta.dc_gain for loop in loops]
@@ -136,7 +130,7 @@ def noise_at_low_frequency() -> Finding:
         ABOUT,
         conditions={
             "S_η(0) = −1": every(abs(value + 1) < EXACT for value in at_zero),
-            "S_η + 1 = S_d": same(from_diagram("S_eta", v) + 1, from_diagram("S_d", v)),
+            "S_η + 1 = S_d": same(v.map("S_eta") + 1, v.map("S_d")),
             "S_η(0) is another value with G(0)/Gm(0) = 0": abs(lost + 1) > NEAR,
         },
     )
@@ -146,7 +140,7 @@ def _at(G: Any, Gm: Any, F: LowPassFilter, name: str, s: complex) -> complex:
     """One map of the diagram at one point, for C = 1."""
     point = np.array([s], dtype=complex)
     v = Values(G(point), Gm(point), np.ones(1, dtype=complex), F(point))
-    return complex(from_diagram(name, v)[0])
+    return complex(v.map(name)[0])
 
 
 @SECTION.check("eq05.S_delta")
@@ -156,7 +150,7 @@ def input_disturbance_at_low_frequency() -> Finding:
     S_δ = G S_d is compared with the diagram at random values, the slope at s = 0 on loops, among
     them a stable one with an integrator in the plant only.
     """
-    v = random_blocks(np.random.default_rng(5))
+    v = Values.random(5)
     worst = _worst(lambda loop: float(np.abs(loop.S_delta(_low_band(loop))).max()))
     integrators = _at(1 / _s, 1 / _s, LowPassFilter(0.5, 2), "S_delta", 1e-6)
     plant_only = NRDOB(1 / _s, 1 / (_s + 0.1), 2.0, LowPassFilter(0.05, 1))
@@ -173,7 +167,7 @@ def input_disturbance_at_low_frequency() -> Finding:
         f"n = 2, λ = 0.5 s it tends to {number(integrators.real, 4)}",
         ABOUT,
         conditions={
-            "S_δ = G S_d": same(from_diagram("S_delta", v), v.G * from_diagram("S_d", v)),
+            "S_δ = G S_d": same(v.map("S_delta"), v.G * v.map("S_d")),
             "the slope of S_δ at s = 0 is nλGm(0)": every(slope(loop) for loop in loops),
             "the loop with an integrator in the plant only is stable": is_stable(plant_only),
             "S_δ tends to nλ for G = Gm = 1/s": abs(integrators - 2 * 0.5) < 1e-4,
@@ -219,7 +213,7 @@ def _approach(
     @SECTION.check(f"eq06.{name}")
     def check() -> Finding:
         def size(loop: NRDOB, s: ComplexArray) -> FloatArray:
-            return np.abs(ratio(blocks_of(loop, s), getattr(loop, name)(s)))
+            return np.abs(ratio(Values.of(loop, s), getattr(loop, name)(s)))
 
         def deviation(loop: NRDOB) -> float:
             off = float(np.abs(size(loop, _high_band(loop)) - 1).max())
@@ -228,7 +222,7 @@ def _approach(
         def end(loop: NRDOB) -> float:
             return float(size(loop, _high_band(loop)[-1:])[0])
 
-        v = random_blocks(np.random.default_rng(6))
+        v = Values.random(6)
         worst = _worst(deviation)
         biproper, stable, said = _biproper()
         limit = abs(1 / (1 + biproper.FH.at_infinity[0]))
@@ -238,7 +232,7 @@ def _approach(
             f"{said} it tends to {number(end(biproper), 4)}",
             ABOUT,
             conditions={
-                f"{what} is {form}": same(ratio(v, from_diagram(name, v)), exactly(v)),
+                f"{what} is {form}": same(ratio(v, v.map(name)), exactly(v)),
                 "Example 2 with n = 1, λ = 0.02 s is stable": stable,
                 f"there {what} tends to |1/(1 + FH)| at infinity, not to 1": same(
                     end(biproper), limit, rtol=1e-3
@@ -276,7 +270,7 @@ def noise_at_high_frequency() -> Finding:
 
     The exact form is compared with the diagram at random values, its limit on random loops.
     """
-    v = random_blocks(np.random.default_rng(6))
+    v = Values.random(6)
     exact = -v.F * (1 + v.H) / (1 + v.FH)
     worst = _worst(lambda loop: float(np.abs(loop.S_eta(_high_band(loop))).max()))
     biproper, stable, said = _biproper()
@@ -287,7 +281,7 @@ def noise_at_high_frequency() -> Finding:
         f"nowhere below {number(passes, 4)}",
         ABOUT,
         conditions={
-            "S_η = −F(1 + H)/(1 + FH)": same(from_diagram("S_eta", v), exact),
+            "S_η = −F(1 + H)/(1 + FH)": same(v.map("S_eta"), exact),
             "Example 2 with n = 1, λ = 0.02 s is stable": stable,
             "there S_η does not die out": passes > 1 - NEAR,
             "S_η dies out if FH is strictly proper": every(
@@ -320,9 +314,9 @@ def noise_against_tracking() -> Finding:
 
     departs = [departure(loop) for loop in slower]
     rng = np.random.default_rng(7)
-    v = random_blocks(rng)
-    other = v._replace(F=random_blocks(rng).F)
-    tracking = from_diagram("T_R", v)
+    v = Values.random(rng)
+    other = v._replace(F=Values.random(rng).F)
+    tracking = v.map("T_R")
     return Finding(
         every(quieter) and every(value <= NEAR for value in departs),
         f"filters four times slower: T_R departs from C Gm/(1 + C Gm) by up to "
@@ -333,16 +327,14 @@ def noise_against_tracking() -> Finding:
         conditions={
             "slower filters pass less noise, and stay stable": every(quieter),
             "T_R is free of F for G = Gm": same(
-                from_diagram("T_R", matched_blocks(v)),
-                from_diagram("T_R", matched_blocks(other)),
+                v.matched.map("T_R"),
+                other.matched.map("T_R"),
             ),
-            "T_R depends on F otherwise": not np.isclose(
-                tracking, from_diagram("T_R", other)
-            ).any(),
+            "T_R depends on F otherwise": not np.isclose(tracking, other.map("T_R")).any(),
             "F enters T_R as (1 + H)/(1 + FH)": same(
                 tracking * (1 + v.CGm) / v.CGm, (1 + v.H) / (1 + v.FH)
             ),
-            "S_d − S_η = 1": same(from_diagram("S_d", v) - from_diagram("S_eta", v), 1),
+            "S_d − S_η = 1": same(v.map("S_d") - v.map("S_eta"), 1),
         },
     )
 
@@ -354,9 +346,9 @@ def disturbances_above_the_bandwidth() -> Finding:
     The peak of |1 − F| comes from the diagram with G = Gm on 20,000 frequencies.
     """
     x = np.geomspace(LowPassFilter(1.0, 3).bandwidth, 1e6, 20_001)
-    perfect = matched_blocks(random_blocks(np.random.default_rng(8), x.size))
+    perfect = Values.random(8, x.size).matched
     filters = [perfect._replace(F=LowPassFilter(1.0, n)(1j * x)) for n in ORDERS[:3]]
-    floor = [float(np.abs(from_diagram("S_d", v)).max()) for v in filters]
+    floor = [float(np.abs(v.map("S_d")).max()) for v in filters]
 
     def peak(loop: NRDOB) -> float:
         omega = np.geomspace(1, 1e5, 20_001) * loop.filter.bandwidth

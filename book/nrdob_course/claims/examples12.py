@@ -26,7 +26,6 @@ from .recurring import (
     performance_finding,
     section,
     steps_finding,
-    swings,
     variation_finding,
 )
 from .signals import TO_OUTPUT, is_refused, is_stable, same
@@ -233,6 +232,13 @@ def variation_2() -> Finding:
         as_printed=found.as_printed and same(before, after),
         computed=f"{found.computed}; DC gain still {number(after, 4)}",
     )
+
+
+def swings(loop: NRDOB, input: str, size: float) -> int:
+    """Count how often y changes sides, each time beyond ±size, after a unit step."""
+    y = loop.step_response(input).outputs[0, 0]
+    sides = np.sign(y[np.abs(y) > size])
+    return int(np.count_nonzero(np.diff(sides)))
 
 
 @SECTION.check("ex2.performance")

@@ -22,27 +22,19 @@ from .signals import (
     QUADRUPLES,
     TOLERANCE,
     Values,
-    blocks_of,
-    condition_ii,
     counted,
-    enough_turns,
-    equations,
     every,
     in_right_half,
-    is_pole,
     loop_modes,
     many_loops,
     modes,
     n_p,
     numbers,
-    poles_and_zeros,
     printed_map,
-    random_blocks,
     random_loops,
     random_points,
     rightmost,
     same,
-    solve,
     turns_around_minus_one,
 )
 
@@ -60,7 +52,7 @@ def reference_to_error() -> Finding:
     The formula is compared with 1/(1 + C Gm), too.
     """
     finding = printed_map("E_R")
-    v = random_blocks(np.random.default_rng(7))
+    v = Values.random(7)
     collapses = same(PRINTED_MAPS["E_R"](v), 1 / (1 + v.CGm))
     return replace(
         finding,
@@ -73,9 +65,9 @@ def reference_to_error() -> Finding:
 @SECTION.check("eq07.E_zero")
 def the_error_sees_no_disturbance() -> Finding:
     """Solve the diagram with δ, d and η at random values; compare e with the other signals."""
-    v = random_blocks(np.random.default_rng(7))
+    v = Values.random(7)
     sizes = []
-    for found in (solve(v, delta=1.0), solve(v, d=1.0), solve(v, eta=1.0)):
+    for found in (v.solve(delta=1.0), v.solve(d=1.0), v.solve(eta=1.0)):
         sizes.append(np.abs(found.e) / (np.abs(found.u) + np.abs(found.y)))
     zero = np.array(sizes) < EXACT
     return Finding(
@@ -99,8 +91,8 @@ def output_disturbance_to_control() -> Finding:
 @SECTION.check("eq07.U_delta")
 def input_disturbance_to_control() -> Finding:
     """Solve the diagram with δ alone at random values; compare u and u + δ with the formulas."""
-    v = random_blocks(np.random.default_rng(7))
-    u = solve(v, delta=1.0).u
+    v = Values.random(7)
+    u = v.solve(delta=1.0).u
     printed = PRINTED_MAPS["U_delta"](v)
     agree = np.isclose(printed, u, rtol=EXACT, atol=0)
     plant_input = np.isclose(printed, u + 1, rtol=EXACT, atol=0)
@@ -131,7 +123,7 @@ def rational_functions_not_polynomials() -> Finding:
     near, far = np.array([3.0 + 0j]), np.array([1e9 + 0j])
     grows, starts, ends = [], [], []
     for loop in loops:
-        here, there = blocks_of(loop, near), blocks_of(loop, far)
+        here, there = Values.of(loop, near), Values.of(loop, far)
         a, a_far = abs(1 + here.CGm[0]), abs(1 + there.CGm[0])
         b, b_far = abs(here.B[0]), abs(there.B[0])
         grows += [same(a, a_far) or a_far > 1e6 * a, same(b, b_far) or b_far > 1e6 * b]
@@ -160,9 +152,9 @@ def _value(factors: Iterable[Any], s: ComplexArray) -> ComplexArray:
 def _factors(loop: NRDOB) -> bool:
     """Whether p_A and p_B are what the diagram gives, times the denominators."""
     s = random_points(np.random.default_rng(7))
-    v = blocks_of(loop, s)
+    v = Values.of(loop, s)
     A, B = loop.p_A(s) / _value(loop.CGm.den, s), loop.p_B(s) / _value(loop.FH.den, s)
-    return same(A, 1 + v.CGm) and same(B, 1 + v.FH) and same(np.linalg.det(equations(v)), A * B)
+    return same(A, 1 + v.CGm) and same(B, 1 + v.FH) and same(np.linalg.det(v.equations()), A * B)
 
 
 def _modes_are_the_roots(loop: NRDOB) -> bool:
@@ -176,13 +168,13 @@ def _modes_are_the_roots(loop: NRDOB) -> bool:
 @SECTION.check("lemma1.forms")
 def three_forms_of_b() -> Finding:
     """Compare the forms at random values, at the roots of p_B, and for G = Gm = (1 − s)/(s + 2)."""
-    v = random_blocks(np.random.default_rng(7))
+    v = Values.random(7)
     second = 1 + v.F * (v.G / v.Gm - 1)
     loops = [loop for loop in many_loops() if not loop.delay]
     vanish = [_vanishes_at_roots(loop) for loop in loops if not _shares(loop)]
     G = (1 - _s) / (_s + 2)
     shared = NRDOB(G, G, 0.1, LowPassFilter(0.1, 1))
-    at = blocks_of(shared, np.array([1.0 + 1e-9j]))  # at 1 itself G/Gm is 0/0
+    at = Values.of(shared, np.array([1.0 + 1e-9j]))  # at 1 itself G/Gm is 0/0
     first, third = np.round([abs(at.B[0]), abs(1 + at.FH[0])], 8)
     root = rightmost(shared)
     return Finding(
@@ -207,7 +199,7 @@ def _shares(loop: NRDOB) -> bool:
 
 def _vanishes_at_roots(loop: NRDOB) -> bool:
     """Whether the first and the third form of B are 0 at the roots of p_B, against their terms."""
-    v = blocks_of(loop, loop.p_B.roots)
+    v = Values.of(loop, loop.p_B.roots)
     first = np.abs(v.B) / (np.abs(v.Gm) + np.abs(v.F * (v.G - v.Gm)))
     third = np.abs(1 + v.FH) / (1 + np.abs(v.FH))
     return every(np.concatenate([first, third]) < 1e-5)
@@ -218,10 +210,10 @@ def three_forms_of_h() -> Finding:
     """Compare the three at random values of the blocks, and on loops with the package's H."""
     rng = np.random.default_rng(7)
     loops = many_loops()
-    v = random_blocks(rng)
+    v = Values.random(rng)
     points = [random_points(rng) for _ in loops]
     pairs = zip(loops, points, strict=True)
-    agree = [_h_forms_agree(blocks_of(loop, s), loop.H(s)) for loop, s in pairs]
+    agree = [_h_forms_agree(Values.of(loop, s), loop.H(s)) for loop, s in pairs]
     return Finding(
         _h_forms_agree(v, v.H) and every(agree),
         f"the three forms agree for {QUADRUPLES} random values of the blocks and, with the "
@@ -298,6 +290,29 @@ def _zeros_of_one_plus(loop: Quotient) -> ComplexArray:
     return zeros.astype(complex)
 
 
+def _condition_ii(loop: NRDOB) -> bool:
+    """Whether all roots of p_B are in the open left half plane."""
+    if loop.delay:
+        return loop.stability().observer_loop.stable is True
+    return bool(rightmost(loop) < -1e-9)
+
+
+def _enough_turns(loop: NRDOB) -> bool:
+    """Whether FH turns around −1 as often as Lemma 1 requires."""
+    return turns_around_minus_one(loop.FH) == -n_p(loop)
+
+
+def _is_pole(loop: NRDOB, root: complex) -> bool:
+    """Whether |H| grows as its argument comes closer to `root`."""
+    far, close = np.abs(loop.H(root + np.array([1e-6j, 1e-9j])))
+    return bool(close > 100 * far > 0)
+
+
+def _poles_and_zeros(loop: NRDOB) -> ComplexArray:
+    """Poles of G and zeros of Gm."""
+    return np.concatenate([loop.G.denominator.roots, loop.Gm.numerator.roots])
+
+
 @SECTION.check("lemma1.H_poles")
 def poles_of_the_mismatch() -> Finding:
     """Approach every pole of G and every zero of Gm, in Examples 1 to 3 and in random loops.
@@ -307,15 +322,15 @@ def poles_of_the_mismatch() -> Finding:
     """
     before, after, stay = [], [], []
     for loop in map(example, (1, 2, 3)):
-        roots = poles_and_zeros(loop)
-        gone = [root for root in roots if not is_pole(loop, root)]
+        roots = _poles_and_zeros(loop)
+        gone = [root for root in roots if not _is_pole(loop, root)]
         before.append(roots.size)
         after.append(roots.size - len(gone))
         stay += [
             abs(loop.p_B(root)) <= EXACT * np.polyval(loop.p_B.scale, abs(root)) for root in gone
         ]
     loops = random_loops(20) + random_loops(10, delayed=True)
-    poles = [is_pole(loop, root) for loop in loops for root in poles_and_zeros(loop)]
+    poles = [_is_pole(loop, root) for loop in loops for root in _poles_and_zeros(loop)]
     return Finding(
         before == after,
         f"Examples 1 to 3 have {numbers(before)} poles of G and zeros of Gm, of which "
@@ -339,17 +354,17 @@ def turns_that_condition_ii_needs() -> Finding:
     rational = random_loops(80)
     delayed = [loop for loop in random_loops(40, delayed=True) if not any(loop.FH.at_infinity)]
     integrating = NRDOB(1 / _s, 1 / (_s + 0.1), 2.0, LowPassFilter(0.05, 1))
-    agree = [enough_turns(loop) == condition_ii(loop) for loop in [*rational, *delayed]]
+    agree = [_enough_turns(loop) == _condition_ii(loop) for loop in [*rational, *delayed]]
     hidden = NRDOB(1 / _s, 1 / _s, 2.0, LowPassFilter(0.05, 1), keep_factors=True)
     as_one = NRDOB(1 / _s, 1 / _s, 2.0, LowPassFilter(0.05, 1))
     notch = NRDOB(1 / (_s**2 + 1), 1 / (_s + 1) ** 2, 1.0, (_s**2 + 1) / (_s + 1) ** 4)
     G = 4 / (2 - _s - _s**2)
     matched = NRDOB(G, G, -2.0, LowPassFilter(0.05, 2))
-    after = sum(is_pole(matched, root) for root in poles_and_zeros(matched) if root.real > 0)
+    after = sum(_is_pole(matched, root) for root in _poles_and_zeros(matched) if root.real > 0)
     turned = turns_around_minus_one(matched.FH)
-    stable = sum(condition_ii(loop) for loop in [*rational, *delayed])
+    stable = sum(_condition_ii(loop) for loop in [*rational, *delayed])
     return Finding(
-        every(agree) and enough_turns(hidden) == condition_ii(hidden),
+        every(agree) and _enough_turns(hidden) == _condition_ii(hidden),
         f"encirclements and roots agree for {counted(agree)} random loops, of "
         f"which {stable} fulfil condition ii; G = Gm = 1/s has "
         f"{turns_around_minus_one(hidden.FH)} encirclements, N_p = {n_p(hidden)} and a root of p_B "
@@ -361,15 +376,15 @@ def turns_that_condition_ii_needs() -> Finding:
             "both verdicts occur": 0 < stable < len(agree),
             "there are loops with dead time": len(delayed) > 0,
             "a pole on the axis, passed on its right, is no obstacle": (
-                enough_turns(integrating) and condition_ii(integrating)
+                _enough_turns(integrating) and _condition_ii(integrating)
             ),
-            "G = Gm = 1/s violates condition ii if every factor is kept": not condition_ii(hidden),
-            "built as one it fulfils it": condition_ii(as_one),
+            "G = Gm = 1/s violates condition ii if every factor is kept": not _condition_ii(hidden),
+            "built as one it fulfils it": _condition_ii(as_one),
             "a zero of F on a pole of G on the axis: enough turns, and roots on the axis": (
-                enough_turns(notch) and not condition_ii(notch)
+                _enough_turns(notch) and not _condition_ii(notch)
             ),
-            "the matched unstable plant violates condition ii": not condition_ii(matched),
-            "N_p before cancellation tells": not enough_turns(matched),
+            "the matched unstable plant violates condition ii": not _condition_ii(matched),
+            "N_p before cancellation tells": not _enough_turns(matched),
             "N_p after cancellation does not": turned == -after,
         },
     )

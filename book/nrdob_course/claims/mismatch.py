@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from math import nan
+from typing import Any
 
 import control as ct
 import numpy as np
@@ -29,13 +30,10 @@ from .signals import (
     in_right_half,
     n_p,
     numbers,
-    observer,
-    random_blocks,
     random_loops,
     random_points,
     rightmost,
     same,
-    solve,
     turns,
     turns_around_minus_one,
 )
@@ -45,6 +43,11 @@ __all__ = ["SECTION"]
 SECTION = section("mismatch")
 
 _s = ct.tf("s")
+
+
+def _observer(ratio: Any, model: Any, time_constant: float, order: int) -> NRDOB:
+    """Give a loop by its ratio G/Gm; the controller does not matter."""
+    return NRDOB(ratio * model, model, 0.0, LowPassFilter(time_constant, order))
 
 
 @SECTION.check("sec3.rhp_zeros")
@@ -59,10 +62,10 @@ def a_zero_that_no_filter_survives() -> Finding:
     tried = [(value, order) for value in np.geomspace(1e-3, 1e3, 21) for order in (1, 2, 3, 4)]
     counts, parity, saved = [], [], []
     for value, order in tried:
-        loop = observer(with_zero, model, value, order)
+        loop = _observer(with_zero, model, value, order)
         counts.append(in_right_half(loop.p_B.q))
         parity.append(same(1 + loop.FH(1.0), 1) and loop.p_B(1.0).real < 0 < loop.p_B(2.0).real)
-        saved.append(in_right_half(observer(without, model, value, order).p_B.q) == 0)
+        saved.append(in_right_half(_observer(without, model, value, order).p_B.q) == 0)
     return Finding(
         min(counts) > 0 and any(saved) and every(parity),
         f"H = 4(s − 1)/(s − 2): {min(counts)} or more roots in the right half plane for all "
@@ -120,8 +123,10 @@ def slowing_the_filter_down() -> Finding:
     tried = np.geomspace(1e-2, 1e5, 29)
     model = 1 / (_s + 1)
     cases = [((_s - 1) / (_s + 1), 1), (10 * (1 - 0.01 * _s) / (1 + 0.01 * _s), 3)]
-    turning = [turns_around_minus_one(observer(R, model, 1.0, n).H) for R, n in cases]
-    stable = [sum(rightmost(observer(R, model, value, n)) < 0 for value in tried) for R, n in cases]
+    turning = [turns_around_minus_one(_observer(R, model, 1.0, n).H) for R, n in cases]
+    stable = [
+        sum(rightmost(_observer(R, model, value, n)) < 0 for value in tried) for R, n in cases
+    ]
     agree, wins = [], 0
     for loop in random_loops(60):
         for order in range(max(1, loop.Gm.denominator.degree - loop.Gm.numerator.degree), 5):
@@ -155,7 +160,7 @@ def turns_of_h_alone() -> Finding:
     first = NRDOB(plant, -1 / ((_s + 1) * (_s + 2)), 0.0, LowPassFilter(0.1, 2))
     model = 1 / (_s + 1) ** 3
     others = [
-        observer(10 * (_s + 1) / (_s - 1), model, lam, 3) for lam in np.geomspace(1e-4, 1e4, 81)
+        _observer(10 * (_s + 1) / (_s - 1), model, lam, 3) for lam in np.geomspace(1e-4, 1e4, 81)
     ]
     no_turn, one_turn = _turns_of_h(first, excess=1), _turns_of_h(others[0])
     poles = [n_p(first), n_p(others[0])]
@@ -203,15 +208,15 @@ def three_blocks_two_freedoms() -> Finding:
     compared on loops.
     """
     rng = np.random.default_rng(9)
-    v = random_blocks(rng)
+    v = Values.random(rng)
     G, Gm, C, F = v
     K, V = F / ((1 - F) * Gm), C / ((1 + C * Gm) * (1 - F))
-    other = random_blocks(rng).Gm
+    other = Values.random(rng).Gm
     F_other = K * other / (1 + K * other)
     C_other = V * (1 - F_other) / (1 - V * (1 - F_other) * other)
     replaced = Values(G, other, C_other, F_other)
-    R, d, delta, eta = random_blocks(rng)  # four more random numbers each
-    before, after = (solve(case, R=R, d=d, delta=delta, eta=eta) for case in (v, replaced))
+    R, d, delta, eta = Values.random(rng)  # four more random numbers each
+    before, after = (case.solve(R, d, delta, eta) for case in (v, replaced))
     undone = np.isclose(before.y, after.y, rtol=1e-6) & np.isclose(before.u, after.u, rtol=1e-6)
     feedback = same(before.u, V * R - K * (before.y + eta))
     model, s = 1 / (_s + 1), random_points(rng)
@@ -371,11 +376,11 @@ def right_half_plane_mismatch() -> Finding:
     """
     model = 1 / (_s + 1)
     hump, step = 10 * _s / ((_s + 0.01) * (_s + 1)), 49 * _s / (_s + 1)
-    second = [observer(1 + hump, model, value, 2) for value in (1e-3, 1.0, 1e3)]
-    third = [observer(1 + step, model, value, 3) for value in (0.1, 10.0)]
+    second = [_observer(1 + hump, model, value, 2) for value in (1e-3, 1.0, 1e3)]
+    third = [_observer(1 + step, model, value, 3) for value in (0.1, 10.0)]
 
     def at_border(value: float) -> float:
-        return rightmost(observer(1 + step, model, value, 3))
+        return rightmost(_observer(1 + step, model, value, 3))
 
     border = float(brentq(at_border, 0.1, 10.0))
     within = [_in_the_right(loop) for loop in (second[0], third[0])]
@@ -384,7 +389,7 @@ def right_half_plane_mismatch() -> Finding:
         _in_the_right(loop) and rightmost(loop) < 0
         for H in _positive_real(12)
         for value in np.geomspace(1e-3, 1e3, 9)
-        if (loop := observer(1 + H, model, value, 1))
+        if (loop := _observer(1 + H, model, value, 1))
     ]
     return Finding(
         every(root < 0 for root in roots) and every(rightmost(loop) < 0 for loop in third),

@@ -22,8 +22,8 @@ from .ledger import RECURS, Finding, Section
 from .signals import printed_map
 
 __all__ = [
-    "OMEGA", "border", "both", "filtered", "inverse_degree", "map_text", "no_turn_finding", "npz",
-    "npz_text", "performance_finding", "printed_text", "section", "steps_finding", "swings",
+    "OMEGA", "border", "both", "filtered", "inverse_degree", "map_text", "no_turn_finding",
+    "npz", "npz_text", "performance_finding", "printed_text", "section", "steps_finding",
     "variation_finding",
 ]  # fmt: skip
 
@@ -353,10 +353,3 @@ def performance_finding(which: int, times: float) -> Finding:
             "the response to d falls below −0.4": rejection[1] < -0.4,
         },
     )
-
-
-def swings(loop: NRDOB, input: str, size: float) -> int:
-    """Count how often y changes sides, each time beyond ±size, after a unit step."""
-    y = loop.step_response(input).outputs[0, 0]
-    sides = np.sign(y[np.abs(y) > size])
-    return int(np.count_nonzero(np.diff(sides)))

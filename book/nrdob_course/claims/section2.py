@@ -11,7 +11,7 @@ from scipy.optimize import brentq
 
 from nrdob.diagram import LowPassFilter, rational_power
 from nrdob.loop import NRDOB
-from nrdob.numerics import ComplexArray, FloatArray, number
+from nrdob.numerics import FloatArray, number
 from nrdob.paper import example
 from nrdob.sampling import random_block
 
@@ -28,18 +28,13 @@ from .signals import (
     TO_OUTPUT,
     TOLERANCE,
     Values,
-    blocks_of,
     counted,
     every,
-    from_diagram,
     is_refused,
     many_loops,
-    matched_blocks,
     numbers,
-    random_blocks,
     random_points,
     same,
-    solve,
 )
 
 __all__ = ["SECTION"]
@@ -78,7 +73,7 @@ def conventional_observer_and_noise() -> Finding:
     equal = float(brentq(gain_over_c, 0.01, 20.0))
     tried = np.geomspace(0.01, 20, 15)
     powers = np.array([_noise_powers(loop, value) for value in tried])
-    matched = matched_blocks(random_blocks(np.random.default_rng(1)))
+    matched = Values.random(1).matched
     tracking = matched.CGm / (1 + matched.CGm)
     return Finding(
         nr < alone,
@@ -92,12 +87,12 @@ def conventional_observer_and_noise() -> Finding:
                 (powers[:, 0] < alone) == (tried > equal)
             ),
             "the conventional observer passes more than C alone": every(powers[:, 1] > alone),
-            "T_R of the NR-DOB is free of F": same(from_diagram("T_R", matched), tracking),
+            "T_R of the NR-DOB is free of F": same(matched.map("T_R"), tracking),
             "T_R of the conventional observer is free of F": same(
-                from_diagram("T_R", matched, conventional=True), tracking
+                matched.map("T_R", conventional=True), tracking
             ),
             "S_eta of the conventional observer is -(F + C Gm)/(1 + C Gm)": same(
-                from_diagram("S_eta", matched, conventional=True),
+                matched.map("S_eta", conventional=True),
                 -(matched.F + matched.CGm) / (1 + matched.CGm),
             ),
         },
@@ -113,10 +108,8 @@ def one_diagram() -> Finding:
 
     All nine printed formulas are compared with the same three equations.
     """
-    v = random_blocks(np.random.default_rng(1))
-    agreeing = [
-        name for name, formula in PRINTED_MAPS.items() if same(formula(v), from_diagram(name, v))
-    ]
+    v = Values.random(1)
+    agreeing = [name for name, formula in PRINTED_MAPS.items() if same(formula(v), v.map(name))]
     return Finding(
         len(agreeing) == len(PRINTED_MAPS) > 0,
         f"{len(agreeing)} of {len(PRINTED_MAPS)} printed maps are those of the diagram, each for "
@@ -230,23 +223,14 @@ def output_is_the_sum_of_four() -> Finding:
     On loops the sum is made of the package's maps, with and without dead time.
     """
     rng = np.random.default_rng(3)
-
-    def inputs(count: int) -> ComplexArray:
-        parts = rng.normal(size=(2, 4, count))
-        return np.asarray(parts[0] + 1j * parts[1])
-
-    def output(v: Values, given: ComplexArray) -> ComplexArray:
-        R, d, delta, eta = given
-        return solve(v, R=R, d=d, delta=delta, eta=eta).y
-
-    v, given = random_blocks(rng), inputs(QUADRUPLES)
+    v, given = Values.random(rng), Values.random(rng)  # four random numbers each
     total = sum(PRINTED_MAPS[name](v) * x for name, x in zip(TO_OUTPUT, given, strict=True))
-    agree = np.isclose(output(v, given), total, rtol=EXACT, atol=0)
+    agree = np.isclose(v.solve(*given).y, total, rtol=EXACT, atol=0)
     by_package = []
     for loop in many_loops():
-        s, given = random_points(rng), inputs(4)
+        s, given = random_points(rng), Values.random(rng, 4)
         total = sum(getattr(loop, name)(s) * x for name, x in zip(TO_OUTPUT, given, strict=True))
-        by_package.append(same(output(blocks_of(loop, s), given), total))
+        by_package.append(same(Values.of(loop, s).solve(*given).y, total))
     return Finding(
         every(agree) and every(by_package),
         f"{agree.sum()} of {QUADRUPLES} random values of blocks and inputs agree, and "
