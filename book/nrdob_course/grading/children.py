@@ -7,12 +7,11 @@ seconds. It knows no more than a kernel does, and nothing of the graders, see `k
 from __future__ import annotations
 
 import json
-import os
 import signal
 import subprocess
 import sys
-import time
 from collections.abc import Callable, Mapping
+from contextlib import suppress
 from typing import Any
 
 import psutil
@@ -66,37 +65,23 @@ def end(pid: int, itself: bool = True) -> None:
     except psutil.NoSuchProcess:
         return
     for member in family:
-        try:
+        with suppress(psutil.NoSuchProcess):
             member.kill()
-        except psutil.NoSuchProcess:
-            continue
 
 
-class Kernel:
-    """A kernel, with what Jupyter wants to know of a process of its own."""
+class Kernel(psutil.Process):  # type: ignore[misc]
+    """A kernel, which is no child of this process, with what Jupyter wants to know of one."""
 
     stdin = stdout = stderr = None
 
-    def __init__(self, server: Child, arguments: list[str], environment: dict[str, str]) -> None:
-        self.server, self.code = server, None
-        self.pid = server.ask({"start": arguments, "environment": environment})
-
     def poll(self) -> int | None:
-        """Give the exit code, if it has ended."""
-        if self.code is None:
-            self.code = self.server.ask({"ended": self.pid})
-        return self.code
-
-    def wait(self) -> int:
-        """Wait for its end."""
-        while (code := self.poll()) is None:
-            time.sleep(0.01)
-        return code
+        """Give an exit code, whatever it was, if it has ended."""
+        return None if self.is_running() else 1
 
     def send_signal(self, number: int) -> None:
         """Send a signal, if it has not ended."""
-        if self.poll() is None:
-            os.kill(self.pid, number)
+        with suppress(psutil.NoSuchProcess):
+            super().send_signal(number)
 
     def terminate(self) -> None:
         """Ask it to end."""
@@ -114,7 +99,7 @@ class Provisioner(LocalProvisioner):
 
     async def launch_kernel(self, cmd: list[str], **kwargs: Any) -> Any:
         """Start a kernel; of its command, python -P -m kernel CONNECTION WORKDIR, the last two."""
-        kernel: Any = Kernel(self.server, cmd[4:6], kwargs["env"])
+        kernel: Any = Kernel(self.server.ask({"start": cmd[4:6], "environment": kwargs["env"]}))
         self.process, self.pid = kernel, kernel.pid
         self.pgid = None
         return self.connection_info

@@ -6,7 +6,7 @@ CONNECTION is Jupyter's file of ports; WORKDIR the only folder that the code can
 notebook imports is imported before the sandbox is built and the clock runs. In the place of the
 graders stands what was handed out, see `handout`, in a file that is gone when the code begins.
 Without arguments it starts kernels as copies of itself: an order has the arguments of a kernel and
-its environment, or asks whether one has ended.
+its environment, the answer is the process.
 """
 
 from __future__ import annotations
@@ -16,6 +16,7 @@ import builtins
 import json
 import os
 import pickle
+import signal
 import sys
 from importlib import import_module
 from importlib.abc import Loader, MetaPathFinder
@@ -125,23 +126,18 @@ def main(arguments: list[str]) -> None:
     app.start()
 
 
-def answered(order: dict[str, Any]) -> int | None:
-    """Start a kernel, and tell its process; or tell the exit code of one that may have ended."""
-    if "ended" not in order:
-        if not (child := os.fork()):
-            become_a_kernel(order)
-        return child
-    try:
-        done, status = os.waitpid(order["ended"], os.WNOHANG)
-    except ChildProcessError:
-        return 1
-    return os.waitstatus_to_exitcode(status) if done else None
+def started(order: dict[str, Any]) -> int:
+    """Start a kernel, and tell its process."""
+    if not (child := os.fork()):
+        become_a_kernel(order)
+    return child
 
 
 def become_a_kernel(order: dict[str, Any]) -> None:
     """Leave all that is the server's, its pipes above all, and be a kernel."""
     code = 1
     try:
+        signal.signal(signal.SIGCHLD, signal.SIG_DFL)
         os.setsid()
         for number in (0, 1, 2):
             os.dup2(os.open(os.devnull, os.O_RDWR), number)
@@ -158,4 +154,5 @@ if __name__ == "__main__":
     if sys.argv[1:]:
         main(sys.argv[1:])
     else:
-        serve(answered)
+        signal.signal(signal.SIGCHLD, signal.SIG_IGN)  # nobody asks for the exit codes of kernels
+        serve(started)

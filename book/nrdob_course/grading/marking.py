@@ -33,10 +33,11 @@ from .marks import (
     Line,
     Record,
     Records,
+    comment_of,
     grades_of,
     in_order,
-    in_order_of_sets,
     number,
+    place_of,
     problem_of,
     unmarked,
 )
@@ -98,8 +99,7 @@ def _problem(source: Any, name: str, advice: Mapping[str, Any]) -> dict[str, Any
 
 
 def _answer(path: Path, entry: Record, grade: Any, gradebook: Gradebook) -> dict[str, Any]:
-    where = (grade.name, entry["set"], entry["set"], entry["folder"])
-    pictures = dict(_pictures(path.parent / "submitted" / entry["folder"] / entry["set"]))
+    pictures = dict(_pictures((path.parent / place_of(entry)).parent))
     cell = dict(answers_of(path, entry)).get(grade.name)
     text = cell.source if cell else ""
     for name, held in (cell.get("attachments", {}) if cell else {}).items():
@@ -114,7 +114,7 @@ def _answer(path: Path, entry: Record, grade: Any, gradebook: Gradebook) -> dict
         "pictures": list(pictures.values()),
         "most": number(grade.max_score),
         "points": number(grade.manual_score),
-        "comment": gradebook.find_comment(*where).manual_comment or "",
+        "comment": comment_of(gradebook, entry, grade).manual_comment or "",
     }
 
 
@@ -141,8 +141,7 @@ def mistakes(root: Path, found: Iterable[Line]) -> Counter[tuple[str, str]]:
     known = [(id, kind) for id, problem in PROBLEMS.items() for kind in problem.misconceptions]
     said = {(id, kind.name): escape(kind.says) for id, kind in known}
     for line in found:
-        name = line.entry["set"]
-        path = root / "autograded" / line.entry["folder"] / name / f"{name}.ipynb"
+        path = root / place_of(line.entry, "autograded")
         if not path.exists():
             continue
         told = {
@@ -159,7 +158,7 @@ def mistakes(root: Path, found: Iterable[Line]) -> Counter[tuple[str, str]]:
 def write_tally(path: Path, root: Path, found: Sequence[Line]) -> None:
     """Write the page, with a part for each set."""
     graded = [line for line in found if line.grades]
-    sets = sorted({line.entry["set"] for line in graded}, key=in_order_of_sets)
+    sets = sorted({line.entry["set"] for line in graded}, key=in_order)
     counts = mistakes(root, graded)
     by_set = {name: [line for line in graded if line.entry["set"] == name] for name in sets}
     parts = [_set(name, lines, counts) for name, lines in by_set.items()]

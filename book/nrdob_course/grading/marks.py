@@ -26,9 +26,9 @@ from .roster import Course
 from .submissions import NOTHING, Submission
 
 __all__ = [
-    "Line", "Record", "Records", "enter", "grades_of", "harmless", "in_order", "in_order_of_sets",
-    "lines", "number", "pack_feedback", "page_of", "problem_of", "tell_late", "unmarked",
-    "write_course", "write_grades", "write_platforms", "write_table",
+    "Line", "Record", "Records", "comment_of", "enter", "grades_of", "harmless", "in_order",
+    "lines", "number", "pack_feedback", "page_of", "place_of", "problem_of", "tell_late",
+    "unmarked", "write_course", "write_grades", "write_platforms", "write_table",
 ]  # fmt: skip
 
 GRADED_CELL = re.compile(r"(?:check|written)-(\d+)-(\w+)")
@@ -46,10 +46,9 @@ def problem_of(cell: str) -> str:
     return f"{match[1]}.{match[2]}" if match else cell
 
 
-def in_order(problem: str) -> tuple[int, int, str]:
-    """Sort problems by their numbers."""
-    match = re.match(r"(\d+)\.(\d+)", problem)
-    return (int(match[1]), int(match[2]), problem) if match else (10**6, 0, problem)
+def in_order(name: str) -> list[Any]:
+    """Sort problems and sets by their numbers, others after them."""
+    return [int(part) if k % 2 else part for k, part in enumerate(re.split(r"(\d+)", name))]
 
 
 def number(points: float | None) -> str:
@@ -166,6 +165,11 @@ def grades_of(gradebook: Gradebook, entry: Record) -> list[Any]:
     return sorted(notebook.grades, key=lambda grade: in_order(problem_of(grade.name)))
 
 
+def comment_of(gradebook: Gradebook, entry: Record, grade: Any) -> Any:
+    """Give nbgrader's comment on what a grade is for."""
+    return gradebook.find_comment(grade.name, entry["set"], entry["set"], entry["folder"])
+
+
 def unmarked(grade: Any) -> bool:
     """Tell whether somebody has to read an answer, and nobody has done so yet."""
     return grade.auto_score is None and grade.manual_score is None
@@ -247,9 +251,14 @@ def why_less(line: Line, course: Course) -> str:
     )
 
 
+def place_of(entry: Record, step: str = "submitted", kind: str = "ipynb") -> str:
+    """Give the place of a notebook, or of a page made of it, in the folder of the course."""
+    return f"{step}/{entry['folder']}/{entry['set']}/{entry['set']}.{kind}"
+
+
 def page_of(entry: Record) -> str:
     """Give the place of a feedback page, in the folder of the course."""
-    return f"feedback/{entry['folder']}/{entry['set']}/{entry['set']}.html"
+    return place_of(entry, "feedback", "html")
 
 
 def write_grades(path: Path, found: list[Line]) -> None:
@@ -289,7 +298,7 @@ def by_student(found: list[Line], course: Course) -> dict[str, dict[str, Line]]:
 
 def write_course(path: Path, found: list[Line], course: Course) -> None:
     """Write a line for each student: the points of every set, and all together."""
-    sets = sorted({line.entry["set"] for line in found if line.grades}, key=in_order_of_sets)
+    sets = sorted({line.entry["set"] for line in found if line.grades}, key=in_order)
     most = {name: max(line.most for line in found if line.entry["set"] == name) for name in sets}
     rows = []
     for name, mine in by_student(found, course).items():
@@ -309,19 +318,13 @@ def write_course(path: Path, found: list[Line], course: Course) -> None:
     write_table(path, [*columns, "not handed in", "not graded", "to mark by hand"], rows)
 
 
-def in_order_of_sets(name: str) -> tuple[int, str]:
-    """Sort sets by their numbers."""
-    match = re.search(r"\d+", name)
-    return (int(match[0]) if match else 10**6, name)
-
-
 CANVAS = ("Student", "ID", "SIS User ID", "SIS Login ID", "Section")
 
 
 def write_platforms(folder: Path, found: list[Line], course: Course) -> None:
     """Write what Moodle and Canvas import; points that are not final yet are left blank."""
     graded = [line for line in found if line.grades]
-    sets = sorted({line.entry["set"] for line in graded}, key=in_order_of_sets)
+    sets = sorted({line.entry["set"] for line in graded}, key=in_order)
     for name in sets:
         rows = [
             {

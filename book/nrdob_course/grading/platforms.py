@@ -13,6 +13,7 @@ import time
 import zipfile
 import zlib
 from collections.abc import Iterator, Mapping
+from contextlib import suppress
 from dataclasses import dataclass
 from os import utime
 from pathlib import Path, PurePosixPath
@@ -166,12 +167,9 @@ def _extract(
     except BROKEN:
         target.write_bytes(b"")
         raise
-    try:
-        if moment is None:
-            moment = time.mktime((*entry.date_time, 0, 0, -1))
+    with suppress(ValueError, OverflowError):  # a date that there never was
+        moment = time.mktime((*entry.date_time, 0, 0, -1)) if moment is None else moment
         utime(target, (moment, moment))
-    except (ValueError, OverflowError):  # a date that there never was
-        pass
 
 
 def _write(packed: zipfile.ZipFile, entry: zipfile.ZipInfo, target: Path) -> None:

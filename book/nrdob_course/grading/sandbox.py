@@ -15,6 +15,7 @@ import struct
 import sys
 import sysconfig
 from collections.abc import Iterable, Iterator
+from contextlib import suppress
 from functools import cache
 from pathlib import Path
 
@@ -140,19 +141,11 @@ def limit(memory: int = MEMORY) -> None:
         return
     import psutil
 
-    limits = {
-        "AS": psutil.Process().memory_info().vms + memory,
-        "FSIZE": FILE_SIZE,
-        "NOFILE": FILES,
-        "CORE": 0,
-        "MSGQUEUE": 0,
-        "MEMLOCK": 0,
-    }
+    limits = {"FSIZE": FILE_SIZE, "NOFILE": FILES, "CORE": 0, "MSGQUEUE": 0, "MEMLOCK": 0}
+    limits["AS"] = psutil.Process().memory_info().vms + memory
     for name, most in limits.items():
-        try:
+        with suppress(AttributeError, ValueError, OSError):
             resource.setrlimit(getattr(resource, f"RLIMIT_{name}"), (most, most))
-        except (AttributeError, ValueError, OSError):
-            continue
 
 
 def readable() -> list[Path]:

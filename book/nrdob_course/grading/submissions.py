@@ -65,6 +65,11 @@ class Submission:
     shared: bool = False
 
     @property
+    def name(self) -> str:
+        """The student and the set, if it is known."""
+        return f"{self.student} {self.set}".strip()
+
+    @property
     def pictures(self) -> list[Path]:
         """Pictures that lie beside the notebook, in a student's own folder."""
         if self.path is None or self.shared:

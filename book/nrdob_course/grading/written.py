@@ -23,7 +23,18 @@ from urllib.parse import quote
 import nbformat
 from nbgrader.api import Gradebook
 
-from .marks import Record, Records, grades_of, harmless, number, page_of, problem_of, write_table
+from .marks import (
+    Record,
+    Records,
+    comment_of,
+    grades_of,
+    harmless,
+    number,
+    page_of,
+    place_of,
+    problem_of,
+    write_table,
+)
 from .roster import read_table
 
 __all__ = [
@@ -121,8 +132,7 @@ def read_written(
             if text:
                 grade.manual_score = float(text.replace(",", "."))
                 grade.needs_manual_grade = False
-            where = (grade.name, entry["set"], entry["set"], entry["folder"])
-            gradebook.find_comment(*where).manual_comment = comment or None
+            comment_of(gradebook, entry, grade).manual_comment = comment or None
             typed.entered.add(key)
     gradebook.db.commit()
     return typed
@@ -157,12 +167,11 @@ def write_written(path: Path, gradebook: Gradebook, records: Records, typed: Typ
     for entry in records.entries:
         texts = {name: " ".join(cell.source.split()) for name, cell in answers_of(path, entry)}
         for grade in filter(to_be_marked, grades_of(gradebook, entry)):
-            where = (grade.name, entry["set"], entry["set"], entry["folder"])
             key = entry["student"], entry["set"], problem_of(grade.name)
             row = {
                 "of": number(grade.max_score),
                 "points": number(grade.manual_score),
-                "comment": gradebook.find_comment(*where).manual_comment or "",
+                "comment": comment_of(gradebook, entry, grade).manual_comment or "",
                 "answer": texts.get(grade.name, "")[:3000],
                 "feedback": f"{quote(page_of(entry))}#{grade.name}",
             }
@@ -180,7 +189,7 @@ def write_written(path: Path, gradebook: Gradebook, records: Records, typed: Typ
 
 def answers_of(beside: Path, entry: Record) -> Iterable[tuple[str, Any]]:
     """Give the name and the cell of all that was handed in, of a submission that was graded."""
-    path = beside.parent / "submitted" / entry["folder"] / entry["set"] / f"{entry['set']}.ipynb"
+    path = beside.parent / place_of(entry)
     if entry["reason"] or not path.exists():
         return []
     cells = nbformat.read(path, as_version=4).cells
@@ -234,8 +243,10 @@ def apply(gradebook: Gradebook, records: Records, given: Mapping[Key, float | No
     gradebook.db.commit()
 
 
-def found_grade(gradebook: Gradebook, records: Records, key: Key) -> tuple[Record, Any]:
-    """Find what is to be changed; a ValueError tells what there is instead."""
+def override(
+    gradebook: Gradebook, root: Path, records: Records, key: Key, points: str, who: str, why: str
+) -> Record:
+    """Give points by hand, or withdraw what was given so; the entry that has changed."""
     student, name, problem = key
     entries = {e["student"]: e for e in records.entries if e["set"] == name}
     entry = entries.get(student)
@@ -245,14 +256,7 @@ def found_grade(gradebook: Gradebook, records: Records, key: Key) -> tuple[Recor
     grades = {problem_of(grade.name): grade for grade in grades_of(gradebook, entry)}
     if problem not in grades:
         raise ValueError(f"{name} has no problem {problem!r}; it has {', '.join(grades)}")
-    return entry, grades[problem]
-
-
-def override(
-    gradebook: Gradebook, root: Path, records: Records, key: Key, points: str, who: str, why: str
-) -> Record:
-    """Give points by hand, or withdraw what was given so; the entry that has changed."""
-    entry, grade = found_grade(gradebook, records, key)
+    grade = grades[problem]
     wrong = wrong_points(points, grade.max_score) if points else "no points are given"
     if wrong and points != AUTO:
         raise ValueError(f"{wrong}; give a number, or {AUTO} to withdraw an override")
