@@ -89,9 +89,7 @@ def negative_gain() -> Finding:
         NRDOB(PLANT, ([-1, 3], np.poly([-1, -1, -2])), 0.1, LowPassFilter(lam, 2))
         for lam in (0.01, 0.05, 0.2)
     ]
-    reversed_sign = [
-        replace(loop, model=([1, -3], loop.model[1]), controller=-0.1) for loop in with_zero
-    ]
+    reversed_sign = [replace(x, model=([1, -3], x.model[1]), controller=-0.1) for x in with_zero]
 
     def odd(loops: list[NRDOB]) -> int:
         return sum((_unstable_roots(loop) or 0) % 2 == 1 for loop in loops)
@@ -124,9 +122,8 @@ def rotation() -> Finding:
     counted = encirclements(ratio, 0.0)
     grows = (zeros < 0).all() and (np.diff(angle) > 0).all()
     once = round((angle[-1] - angle[0]) / (2 * pi), 2) == 1 and npz(counted) == (-1, 1, 0)
-    return Finding(
-        bool(grows and once), f"zero at {number(zeros[0], 4)}; {turns(counted.encirclements, 0.0)}"
-    )
+    words = f"zero at {number(zeros[0], 4)}; {turns(counted.encirclements, 0.0)}"
+    return Finding(bool(grows and once), words)
 
 
 @SECTION.check("ex3.smaller")

@@ -159,9 +159,8 @@ def turns_of_h_alone() -> Finding:
     plant = -(1 - 0.01 * _s) / ((_s - 1) * (_s + 2))
     first = NRDOB(plant, -1 / ((_s + 1) * (_s + 2)), 0.0, LowPassFilter(0.1, 2))
     model = 1 / (_s + 1) ** 3
-    others = [
-        _observer(10 * (_s + 1) / (_s - 1), model, lam, 3) for lam in np.geomspace(1e-4, 1e4, 81)
-    ]
+    ratio = 10 * (_s + 1) / (_s - 1)
+    others = [_observer(ratio, model, lam, 3) for lam in np.geomspace(1e-4, 1e4, 81)]
     no_turn, one_turn = _turns_of_h(first, excess=1), _turns_of_h(others[0])
     poles = [n_p(first), n_p(others[0])]
     root = rightmost(first)
@@ -287,8 +286,8 @@ def ratio_at_high_frequency() -> Finding:
         vanish.append(abs(equal.H(1e9j)) < 1e-6)
     return Finding(
         every(right) and every(vanish),
-        f"the limit is M for {counted(right)} random pairs, and H(∞) = 0 for "
-        f"{counted(vanish)} with M = 1",
+        f"the limit is M for {counted(right)} random pairs, and H(∞) = 0 for {counted(vanish)} "
+        "with M = 1",
         "1e-6 at ω = 10⁹ rad/s",
     )
 
@@ -417,11 +416,8 @@ def _positive_real(count: int) -> Iterator[ct.TransferFunction]:
     rng = np.random.default_rng(23)
     for _ in range(count):
         weights, poles = rng.uniform(0, 10, 3), 10 ** rng.uniform(-2, 2, 3)
-        tops = [
-            _s if high else pole for high, pole in zip(rng.integers(0, 2, 3), poles, strict=True)
-        ]
-        terms = zip(weights, tops, poles, strict=True)
-        yield sum(weight * top / (_s + pole) for weight, top, pole in terms)
+        terms = zip(weights, poles, rng.integers(0, 2, 3), strict=True)
+        yield sum(weight * (_s if high else pole) / (_s + pole) for weight, pole, high in terms)
 
 
 def _in_the_right(loop: NRDOB) -> bool:

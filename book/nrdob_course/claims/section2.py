@@ -51,9 +51,8 @@ def _noise_powers(loop: NRDOB, time_constant: float) -> FloatArray:
         np.polyadd(np.convolve(alone[0], F.den), reduce(np.convolve, (model.den, C.den, F.num))),
         np.convolve(alone[1], F.den),
     )
-    return np.array(
-        [matched.S_eta.noise_power(), rational_power(*conventional), rational_power(*alone)]
-    )
+    others = [rational_power(*each) for each in (conventional, alone)]
+    return np.array([matched.S_eta.noise_power(), *others])
 
 
 @SECTION.check("sec1.dob_noise")
@@ -66,15 +65,12 @@ def conventional_observer_and_noise() -> Finding:
     loop = example(1)
     nr, conventional, alone = _noise_powers(loop, loop.filter.time_constant)
 
-    def gain_over_c(time_constant: float) -> float:
-        powers = _noise_powers(loop, time_constant)
-        return float(powers[0] - powers[2])
-
-    equal = float(brentq(gain_over_c, 0.01, 20.0))
+    equal = float(brentq(lambda lam: _noise_powers(loop, lam) @ [1, 0, -1], 0.01, 20.0))
     tried = np.geomspace(0.01, 20, 15)
     powers = np.array([_noise_powers(loop, value) for value in tried])
     matched = Values.random(1).matched
     tracking = matched.CGm / (1 + matched.CGm)
+    other = [matched.map(name, conventional=True) for name in ("T_R", "S_eta")]
     return Finding(
         nr < alone,
         f"Example 1, noise power at y: {number(nr, 5)} with the NR-DOB, {number(conventional, 5)} "
@@ -88,12 +84,9 @@ def conventional_observer_and_noise() -> Finding:
             ),
             "the conventional observer passes more than C alone": every(powers[:, 1] > alone),
             "T_R of the NR-DOB is free of F": same(matched.map("T_R"), tracking),
-            "T_R of the conventional observer is free of F": same(
-                matched.map("T_R", conventional=True), tracking
-            ),
+            "T_R of the conventional observer is free of F": same(other[0], tracking),
             "S_eta of the conventional observer is -(F + C Gm)/(1 + C Gm)": same(
-                matched.map("S_eta", conventional=True),
-                -(matched.F + matched.CGm) / (1 + matched.CGm),
+                other[1], -(matched.F + matched.CGm) / (1 + matched.CGm)
             ),
         },
     )
@@ -126,8 +119,7 @@ def a_causal_choice_of_the_order() -> Finding:
     must refuse the loop.
     """
     rng = np.random.default_rng(1)
-    right: list[bool] = []
-    possible: list[bool] = []
+    right, possible = [], []
     for _ in range(40):
         model = random_block(rng, 3)
         degree = model.den_array[0, 0].size - model.num_array[0, 0].size
