@@ -271,7 +271,7 @@ def what_lemma_1_does_not_see() -> Finding:
                 loop.stability().stable is False for loop in (in_b, in_a)
             ),
             "p_B is Hurwitz under the unstable F": not in_right_half(p_b),
-            "an unstable F brings an unstable mode": by_filter.real.max() > 0,
+            "an unstable F brings an unstable mode": bool(by_filter.real.max() > 0),
             "the ill-posed loop gets no verdict": ill_posed.stability().stable is None,
         },
     )

@@ -160,9 +160,8 @@ class PatientExecute(Execute):  # type: ignore[misc]
         command = [sys.executable, "-P", "-m", KERNEL, str(connection), str(self.workdir)]
         manager._kernel_spec = KernelSpec(argv=command, language="python", display_name="sandboxed")
         if FORK_SERVERS:
-            manager.provisioner = Provisioner(
-                kernel_id="", kernel_spec=manager._kernel_spec, parent=manager
-            )
+            spec = manager._kernel_spec
+            manager.provisioner = Provisioner(kernel_id="", kernel_spec=spec, parent=manager)
             manager.provisioner.server = FORK_SERVERS[-1]
         self.km = manager
         return manager
@@ -198,7 +197,7 @@ class PatientExecute(Execute):  # type: ignore[misc]
             self.execute_cell(new_code_cell(f"{add}({wanted[0]!r}, {cases!r})"), index)
             self.run_cell(cell, resources, index)
         if any(out.get("ename") == TOO_SLOW for out in cell.get("outputs", [])):
-            REMARKS.append(f"{name_of(cell)} {too_slow(self.timeout)}")
+            REMARKS.append(f"{name_of(cell)} {slow(self.timeout)['evalue']}")
         return cell, resources
 
     def run_cell(self, cell: Any, resources: Any, index: int) -> None:
@@ -252,8 +251,9 @@ class PatientExecute(Execute):  # type: ignore[misc]
             GROUPS.append(group)
             data = {"text/plain": repr(points), "text/html": points._repr_html_()}
             return new_output("execute_result", data=data)
-        REMARKS.append(f"{name_of(cell)} {too_slow(self.timeout)}")
-        return failure(TOO_SLOW, too_slow(self.timeout))
+        text = slow(self.timeout)["evalue"]
+        REMARKS.append(f"{name_of(cell)} {text}")
+        return failure(TOO_SLOW, text)
 
     def process_message(self, msg: Any, cell: Any, cell_index: int) -> Any:
         """Take what the kernel says, unless it is of another cell, or the cell has said enough."""
@@ -264,8 +264,8 @@ class PatientExecute(Execute):  # type: ignore[misc]
         is_answer = encoding.MIME in content.get("data", ())
         self.size += len(str(content))
         if self.size > (encoding.LONGEST + 1000 if is_answer else self.most_output):
-            cut = f"the outputs of {name_of(cell)} were cut: more than {self.most_output} letters"
-            REMARKS.append(cut)
+            told = f"were cut: more than {self.most_output} letters"
+            REMARKS.append(f"the outputs of {name_of(cell)} {told}")
             return None
         return super().process_message(msg, cell, cell_index)
 
@@ -285,14 +285,9 @@ PATIENCE = 1.5
 """How much longer the clock of the grading waits than the student was told."""
 
 
-def too_slow(seconds: float) -> str:
-    """Say in plain words that something took too long."""
-    return f"took longer than the {seconds:g} s that the set allows"
-
-
 def slow(seconds: float) -> dict[str, Any]:
-    """Make what nbclient is to reply for a cell that took too long."""
-    text = too_slow(seconds)
+    """Make what nbclient is to reply for a cell that took too long, which `evalue` says."""
+    text = f"took longer than the {seconds:g} s that the set allows"
     return {"ename": TOO_SLOW, "evalue": text, "traceback": [text]}
 
 
@@ -385,7 +380,7 @@ def write_feedback(api: NbGraderAPI, student: str, set_name: str) -> None:
 
 def main(arguments: list[str]) -> None:
     """Grade one submission."""
-    root, student, set_name = Path(arguments[0]), arguments[1], arguments[2]
+    root, student, set_name = Path(arguments[0]), *arguments[1:]
     # Neither the teacher's own settings nor their history have a part in it.
     os.environ.update(IPYTHONDIR=str(root / "ipython"), JUPYTER_CONFIG_DIR=str(root / "jupyter"))
     sandbox.adopt_orphans()

@@ -198,9 +198,8 @@ def told(outcome: Outcome) -> str:
     """Tell in a line what came of a submission."""
     points = [points for points in outcome.grades.values() if points is not None]
     open_ones = len(outcome.grades) - len(points)
-    parts = (
-        [f"not graded: {outcome.reason}"] if outcome.reason else [f"{number(sum(points))} points"]
-    )
+    reason = outcome.reason
+    parts = [f"not graded: {reason}" if reason else f"{number(sum(points))} points"]
     if open_ones:
         parts.append(f"{open_ones} to mark by hand")
     parts += outcome.submission.remarks

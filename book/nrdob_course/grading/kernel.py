@@ -49,9 +49,7 @@ class Note(str):
     """What `check` gives while the notebook is graded."""
 
     share = 0.0
-
-    def __repr__(self) -> str:
-        return str(self)
+    __repr__ = str.__str__
 
 
 def not_now(*any: Any, **more: Any) -> Note:
@@ -74,8 +72,7 @@ class Graders(MetaPathFinder, Loader):
 
     def add(self, group: Any, cases: dict[str, str]) -> None:
         """Take the cases of a group, by problem."""
-        for problem, case in cases.items():
-            self.cases[problem, str(group)] = case
+        self.cases |= {(problem, str(group)): case for problem, case in cases.items()}
 
     def find_spec(self, name: str, path: Any = None, target: Any = None) -> ModuleSpec | None:
         """Find what was handed out, and nothing else of the course."""

@@ -68,10 +68,8 @@ def write_marking(
     problems = [
         {"problem": problem}
         | _problem(sets[name], cell, rubrics.get(problem, {}))
-        | {"answers": [_answer(path, *each, gradebook) for each in found]}
-        for (name, problem, cell), found in sorted(
-            answers.items(), key=lambda item: in_order(item[0][1])
-        )
+        | {"answers": [_answer(path, *each, gradebook) for each in answers[name, problem, cell]]}
+        for name, problem, cell in sorted(answers, key=lambda place: in_order(place[1]))
     ]
     style, script = (
         Markup(files(__package__).joinpath("pages", f"marking.{kind}").read_text("utf-8"))

@@ -64,12 +64,12 @@ class Records:
 
     def __init__(self, path: Path) -> None:
         self.path = path
-        self.entries: list[Record] = []
-        if path.exists():
-            try:
-                self.entries = json.loads(path.read_text("utf-8"))
-            except ValueError as error:
-                raise ValueError(f"{path.name} cannot be read: {error}") from None
+        try:
+            self.entries: list[Record] = (
+                json.loads(path.read_text("utf-8")) if path.exists() else []
+            )
+        except ValueError as error:
+            raise ValueError(f"{path.name} cannot be read: {error}") from None
 
     def folder_of(self, student: str) -> str:
         """Name a student's folder: no pattern to nbgrader, allowed everywhere, and unique."""
@@ -119,12 +119,11 @@ class Records:
         """Remark a group's number in the notebooks of several, unless the roster has it so."""
         holders: dict[tuple[str, int], list[Record]] = {}
         for entry in self.entries:
+            entry["remarks"] = [r for r in entry["remarks"] if not r.startswith(SHARED)]
             if not entry["reason"] and entry["group"] is not None:
                 known = course.find(entry["student"], entry.get("identifier", ""))
                 if known is None or known.group != entry["group"]:
                     holders.setdefault((entry["set"], entry["group"]), []).append(entry)
-        for entry in self.entries:
-            entry["remarks"] = [r for r in entry["remarks"] if not r.startswith(SHARED)]
         for (_, group), entries in holders.items():
             if len(entries) > 1:
                 for entry in entries:

@@ -22,6 +22,7 @@ from pathlib import Path
 import nrdob
 
 from . import seccomp
+from .seccomp import seal
 
 __all__ = [
     "adopt_orphans", "build", "generation", "is_root", "limit", "missing", "readable", "seal",
@@ -43,16 +44,9 @@ PORT = 0b1  # bind
 NO_NEW_PRIVILEGES, CHILD_SUBREAPER, DROP_FROM_BOUNDS = 38, 36, 24
 
 DATA = (
-    "/usr/share/fonts",
-    "/usr/share/zoneinfo",
-    "/usr/lib/locale",
-    "/etc/fonts",
-    "/etc/ld.so.cache",
-    "/etc/localtime",
-    "/etc/mime.types",
-    "/dev/random",
-    "/dev/urandom",
-)
+    "/usr/share/fonts", "/usr/share/zoneinfo", "/usr/lib/locale", "/etc/fonts", "/etc/ld.so.cache",
+    "/etc/localtime", "/etc/mime.types", "/dev/random", "/dev/urandom",
+)  # fmt: skip
 BOTH_WAYS = ("/dev/null", "/dev/zero", "/dev/full")
 
 MEMORY = 5 << 28
@@ -102,7 +96,7 @@ def stays_root() -> str:
     if sys.platform != "linux":
         return f"you are root, and on {sys.platform} students' code would be root, too"
     for place in (Path(sys.prefix), Path(sys.base_prefix), PACKAGE):
-        if not _open_to_all(place):
+        if any(each.stat().st_mode & 0o005 != 0o005 for each in [place, *place.parents]):
             return f"you are root, and students' code would be, too: not everybody can read {place}"
     return ""
 
@@ -126,11 +120,6 @@ def build(workdir: Path, ports: Iterable[int]) -> None:
     if ruleset is not None:
         _checked(RESTRICT, ruleset, 0)
         os.close(ruleset)
-
-
-def seal() -> None:
-    """Refuse this process, for ever, the network and all other processes."""
-    seccomp.seal()
 
 
 def limit(memory: int = MEMORY) -> None:
@@ -231,11 +220,6 @@ def _allow(ruleset: int, path: Path, rights: int) -> None:
         _checked(ADD, ruleset, 1, struct.pack("=Qi", rights, place), 0)
     finally:
         os.close(place)
-
-
-def _open_to_all(path: Path) -> bool:
-    """Tell whether any user can read there."""
-    return all(each.stat().st_mode & 0o005 == 0o005 for each in [path, *path.parents])
 
 
 def _drop_rights() -> None:
