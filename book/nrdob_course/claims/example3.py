@@ -372,7 +372,7 @@ def overparametrise() -> Finding:
         loop = _overparametrised(g, lags)
         return filtered(loop, lam, n).stability().observer_loop.stable is True
 
-    g_2 = _overparametrised(2, 2)
+    g_2 = _overparametrised(2)
     low, high = border(g_2, 4, 0.005, 0.02), border(g_2, 4, 0.2, 0.4)
     scan = np.geomspace(1e-4, 100, 25)
     interval = [stable(2, lam, 4) for lam in scan] == [bool(low < lam < high) for lam in scan]
@@ -394,7 +394,7 @@ def overparametrise() -> Finding:
     )
 
 
-def _overparametrised(g: float, lags: int) -> NRDOB:
+def _overparametrised(g: float, lags: int = 2) -> NRDOB:
     """Plant −g/((s−1)(s+2)^lags); the model has the poles −1 and −10 instead of +1."""
     shared = [-2] * lags
     model = ([-1], np.poly([-1, -10, *shared]) / 10)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from itertools import product
 from math import nan
 from typing import Any
 
@@ -59,7 +60,7 @@ def a_zero_that_no_filter_survives() -> Finding:
     """
     with_zero, without = 1 + 4 * (_s - 1) / (_s - 2), 1 + 4 * (_s + 1) / (_s - 2)
     model = 1 / (_s + 1)
-    tried = [(value, order) for value in np.geomspace(1e-3, 1e3, 21) for order in (1, 2, 3, 4)]
+    tried = list(product(np.geomspace(1e-3, 1e3, 21), (1, 2, 3, 4)))
     counts, parity, saved = [], [], []
     for value, order in tried:
         loop = _observer(with_zero, model, value, order)
@@ -249,16 +250,16 @@ def _normalised(rng: np.random.Generator) -> tuple[Fraction, Fraction]:
     return block(), block()
 
 
-def _normalised_loops(count: int) -> list[NRDOB]:
+def _normalised_loops() -> list[NRDOB]:
     rng = np.random.default_rng(13)
-    pairs = [_normalised(rng) for _ in range(count)]
+    pairs = [_normalised(rng) for _ in range(40)]
     return [NRDOB(G, Gm, 0.0, LowPassFilter(1.0, max(1, Gm.relative_degree))) for G, Gm in pairs]
 
 
 @SECTION.check("sec3.H_zero")
 def equal_gains_at_zero() -> Finding:
     """Draw 40 pairs of one order and gain; take H at s = 0 and follow it towards 0."""
-    loops = _normalised_loops(40)
+    loops = _normalised_loops()
     small = np.array([np.abs(loop.H(1j * np.array([1e-3, 1e-6]))) for loop in loops])
     at_zero = [abs(loop.H.dc_gain) < EXACT for loop in loops]
     shrinks = small[:, 1] < 2e-3 * small[:, 0]
@@ -277,7 +278,7 @@ def ratio_at_high_frequency() -> Finding:
     Then scale the model's leading coefficient so that M = 1, and follow H.
     """
     right, vanish = [], []
-    for loop in _normalised_loops(40):
+    for loop in _normalised_loops():
         G, Gm, *_ = loop.fractions
         M = G.num[0] * Gm.den[0] / (Gm.num[0] * G.den[0])
         right.append(abs(loop.ratio(1e9j) / M - 1) < 1e-6 and same(loop.ratio.at_infinity[0], M))
@@ -312,7 +313,7 @@ def plots_of_small_mismatches() -> Finding:
     )
     ends = (0.99 * low, 1.01 * low, 0.99 * high, 1.01 * high)
     exchanged, left = _exchanged()
-    small = list(_small_mismatches(8))
+    small = list(_small_mismatches())
     return Finding(
         real.min() >= 0 and not any(left),
         f"resonance 10 % off: Re H from {number(real.min(), 4)} to {number(real.max(), 4)}, "
@@ -338,32 +339,25 @@ def _exchanged() -> tuple[list[bool], list[bool]]:
     for _ in range(40):
         G, _ = _normalised(rng)
         near = Fraction(*(part * rng.uniform(0.99, 1.01, part.size) for part in G))
-        loops = [
-            NRDOB(*pair, 0.0, LowPassFilter(1.0, max(1, G.relative_degree)))
-            for pair in ((G, near), (near, G))
-        ]
-        one, other = (loop.H(s).real for loop in loops)
+        F = LowPassFilter(1.0, max(1, G.relative_degree))
+        one, other = (NRDOB(*pair, 0.0, F).H(s).real for pair in ((G, near), (near, G)))
         opposite.append(every(other[one > 0] < 0) if (one > 0).any() else every(one <= 0))
         left.append(bool(min(one.min(), other.min()) < 0))
     return opposite, left
 
 
-def _small_mismatches(count: int) -> Iterator[bool]:
-    """Random loops with D and Nm Hurwitz and |H| < 0.96; whether each is stable."""
+def _small_mismatches() -> Iterator[bool]:
+    """Whether random loops with D and Nm Hurwitz and |H| < 0.96 are stable."""
     rng = np.random.default_rng(19)
     grid = 1j * np.append(0.0, np.geomspace(1e-3, 1e4, 401))
-    for _ in range(count):
-        pole = -rng.uniform(0.2, 5, 3)
-        den = np.poly(pole)
+    for _ in range(8):
+        den = np.poly(-rng.uniform(0.2, 5, 3))
         num = rng.normal(size=3 + int(rng.integers(0, 2)))
         num = num * 0.95 / np.abs(np.polyval(num, grid) / np.polyval(den, grid)).max()
         process = np.polyadd(den, num), np.convolve(den, [1.0, 1.0])
-        model = [1.0], [1.0, 1.0]
-        for order in (1, 2, 3, 4):
-            for value in np.geomspace(1e-2, 1e2, 5):
-                loop = NRDOB(process, model, 0.0, LowPassFilter(value, order))
-                bounded = bool(np.abs(loop.H(grid)).max() < 0.96)
-                yield bounded and rightmost(loop) < 0
+        for order, value in product((1, 2, 3, 4), np.geomspace(1e-2, 1e2, 5)):
+            loop = NRDOB(process, ([1.0], [1.0, 1.0]), 0.0, LowPassFilter(value, order))
+            yield bool(np.abs(loop.H(grid)).max() < 0.96) and rightmost(loop) < 0
 
 
 @SECTION.check("sec3.any_bandwidth")

@@ -86,30 +86,25 @@ def margins_of_the_mismatch() -> Finding:
     the range of FH it should be stable, were this the range of the process.
     """
     texts: list[str] = []
-    as_claimed: list[bool] = []
-    as_amended: list[bool] = []
-    for which in (2, 3, 4):
-        loop = example(which)
+    inside: dict[str, list[bool]] = {"FH": [], "L": []}
+    outside: list[bool] = []
+    for loop in map(example, (2, 3, 4)):
         margins = loop.margins()
-        observer_loop, plant_loop = margins.observer_loop, margins.plant_loop
-        texts.append(
-            f"{number(observer_loop.gm_low, 4)} to {number(observer_loop.gm_high, 5)} against "
-            f"{number(plant_loop.gm_low, 4)} to {number(plant_loop.gm_high, 5)}"
-        )
-        for low, high, judged in (
-            (observer_loop.gm_low, observer_loop.gm_high, as_claimed),
-            (plant_loop.gm_low, plant_loop.gm_high, as_amended),
-        ):
-            judged += [_with_gain(loop, low * 1.001)] if low else []
-            judged += [_with_gain(loop, high * 0.999)] if high < inf else []
-            # Only the true range may, and must, end there.
-            if judged is as_amended:
-                judged += [not _with_gain(loop, low * 0.999)] if low else []
-                judged += [not _with_gain(loop, high * 1.001)] if high < inf else []
+        ranges = {"FH": margins.observer_loop, "L": margins.plant_loop}
+        said = (f"{number(m.gm_low, 4)} to {number(m.gm_high, 5)}" for m in ranges.values())
+        texts.append(" against ".join(said))
+        for name, range_ in ranges.items():
+            ends = [(range_.gm_low, 1.001)] if range_.gm_low else []
+            ends += [(range_.gm_high, 0.999)] if range_.gm_high < inf else []
+            inside[name] += [_with_gain(loop, end * inwards) for end, inwards in ends]
+            if name == "L":  # only the true range may, and must, end there
+                outside += [_with_gain(loop, end * (2 - inwards)) for end, inwards in ends]
     return Finding(
-        every(as_claimed),
+        every(inside["FH"]),
         f"gain factors that FH and the process allow in Examples 2 to 4: {'; '.join(texts)}",
-        conditions={"the range of L is that of the process": every(as_amended)},
+        conditions={
+            "the range of L is that of the process": every(inside["L"]) and not any(outside)
+        },
     )
 
 

@@ -153,8 +153,8 @@ def read_course(path: Path) -> Course:
         raise ValueError(f"{path.name} knows no {', '.join(sorted(unknown))}")
     for key, value in late.items():
         if isinstance(value, bool) or not isinstance(value, int | float) or not 0 <= value <= MOST:
-            given = f"{path.name}: late.{key} = {value!r:.40}"
-            raise ValueError(f"{given} is no number from 0 to a million")
+            told = f"late.{key} = {value!r:.40} is no number from 0 to a million"
+            raise ValueError(f"{path.name}: {told}")
     if not isinstance(settings.get("roster", ""), str):
         raise ValueError(f"{path.name}: roster = {settings['roster']!r} is no name of a file")
     found = Course(
