@@ -293,8 +293,9 @@ KINDS: dict[str, Callable[..., None]] = {
 
 def section(name: str) -> Section:
     """Read the texts of a part of the paper, name.toml, and enter the checks that recur in it."""
-    texts = files(__package__).joinpath(f"{name}.toml").read_text(encoding="utf-8")
-    found = Section(tomllib.loads(texts))
+    texts = tomllib.loads(files(__package__).joinpath(f"{name}.toml").read_text("utf-8"))
+    chapter = {"chapter": texts.pop("chapter")}  # of those that name none
+    found = Section({id: chapter | text for id, text in texts.items()})
     for id, text in found.texts.items():
         if recurs := dict(text.get(RECURS, {})):
             KINDS[recurs.pop("kind")](found, id, **recurs)

@@ -93,7 +93,8 @@ def grade(
             if submission.reason and records.graded(submission):  # what came earlier stays
                 submissions.remove(submission)
                 if submission.reason != NOTHING:
-                    faults.append(f"{submission.name}: {submission.reason}. {EARLIER}")
+                    told = f"{submission.reason}. What was graded earlier stays"
+                    faults.append(f"{submission.name}: {told}")
                 continue
             if not submission.reason:
                 hand_over(submission, given_out[submission.set], target, records, plan)
@@ -119,9 +120,6 @@ def released(target: Path, names: set[str]) -> dict[str, Notebook]:
         name: nbformat.read(generate(target, SOURCE, name) / f"{name}.ipynb", as_version=4)
         for name in sorted(names)
     }
-
-
-EARLIER = "What was graded earlier stays"
 
 
 NO_SANDBOX = (
@@ -161,7 +159,7 @@ def run(
         if not outcome.reason:
             with course(target).gradebook as gradebook:
                 marks.enter(gradebook, entry["folder"], outcome)
-        print(f"[{count:>{len(str(len(ready)))}}/{len(ready)}] {told(outcome)}", flush=True)
+        print(f"[{count:>{len(str(len(ready)))}}/{len(ready)}] {came_of(outcome)}", flush=True)
 
 
 def compare(
@@ -194,7 +192,7 @@ def compare(
     marks.write_table(path, columns, rows)
 
 
-def told(outcome: Outcome) -> str:
+def came_of(outcome: Outcome) -> str:
     """Tell in a line what came of a submission."""
     points = [points for points in outcome.grades.values() if points is not None]
     open_ones = len(outcome.grades) - len(points)
