@@ -304,9 +304,8 @@ def noise_against_tracking() -> Finding:
     s = 1j * np.geomspace(1e-3, 1e4, 2001)
     loops = [example(which) for which in (2, 3, 4)]
     slower = [filtered(loop, 4 * loop.filter.time_constant, loop.filter.order) for loop in loops]
-    powers = [
-        [case.S_eta.noise_power() for case in pair] for pair in zip(loops, slower, strict=True)
-    ]
+    pairs = zip(loops, slower, strict=True)
+    powers = [[loop.S_eta.noise_power() for loop in pair] for pair in pairs]
     quieter = [after < before for before, after in powers] + [*map(is_stable, slower)]
 
     def departure(loop: NRDOB) -> float:

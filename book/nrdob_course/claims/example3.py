@@ -231,10 +231,7 @@ def fast_enough() -> Finding:
     loop, largest = example(3), 3 - sqrt(5)
     crossing = border(loop, 2, 0.5, 1.0)
     factors = (1e-4, 0.001, 0.01, 0.1, 0.5, 0.9, 0.9999, 1.0001, 1.1, 2.0, 10.0, 100.0, 1e3, 1e4)
-    exact = all(
-        filtered(loop, factor * largest, 2).stability().stable is bool(factor < 1)
-        for factor in factors
-    )
+    exact = all(filtered(loop, k * largest, 2).stability().stable is (k < 1) for k in factors)
     return Finding(
         exact and abs(crossing - largest) < 1e-9,
         f"with n = 2 stable exactly for 0 < λ < 3 − √5 = {number(crossing, 5)} s",

@@ -243,10 +243,7 @@ def filter_of_example_4() -> Finding:
     part = loop.stability().observer_loop
     smallest = border(loop, 3, 0.0125, 0.02)
     factors = (0.1, 0.5, 0.9, 0.99, 0.999, 1.001, 1.01, 1.1, 2.0, 10.0, 100.0, 1000.0)
-    sides = all(
-        filtered(loop, factor * smallest, 3).stability().stable is bool(factor > 1)
-        for factor in factors
-    )
+    sides = all(filtered(loop, k * smallest, 3).stability().stable is (k > 1) for k in factors)
     degree = inverse_degree(loop)
     return Finding(
         part.stable is True and sides and smallest < 0.09 and degree >= 0,
@@ -280,9 +277,7 @@ def gain_margin() -> Finding:
         f"a factor on FH: {number(by_FH, 4)}; on the plant: {number(by_L, 4)}, that is "
         f"{number(margins.plant_loop.gm_db, 4)} dB",
         conditions={
-            "the plant bears factors below the margin of L": all(
-                plant(factor * by_L) is True for factor in factors
-            ),
+            "the plant bears factors below the margin of L": all(plant(k * by_L) for k in factors),
             "it bears none above, though the margin of FH allows them": all(
                 plant(k) is False for k in (1.001 * by_L, 1.1 * by_L, 0.999 * by_FH)
             ),

@@ -313,9 +313,8 @@ def poles_of_the_mismatch() -> Finding:
         gone = [root for root in roots if not _is_pole(loop, root)]
         before.append(roots.size)
         after.append(roots.size - len(gone))
-        stay += [
-            abs(loop.p_B(root)) <= EXACT * np.polyval(loop.p_B.scale, abs(root)) for root in gone
-        ]
+        p_B = loop.p_B
+        stay += [abs(p_B(root)) <= EXACT * np.polyval(p_B.scale, abs(root)) for root in gone]
     loops = random_loops(20) + random_loops(10, delayed=True)
     poles = [_is_pole(loop, root) for loop in loops for root in _poles_and_zeros(loop)]
     return Finding(

@@ -125,9 +125,7 @@ def slowing_the_filter_down() -> Finding:
     model = 1 / (_s + 1)
     cases = [((_s - 1) / (_s + 1), 1), (10 * (1 - 0.01 * _s) / (1 + 0.01 * _s), 3)]
     turning = [turns_around_minus_one(_observer(R, model, 1.0, n).H) for R, n in cases]
-    stable = [
-        sum(rightmost(_observer(R, model, value, n)) < 0 for value in tried) for R, n in cases
-    ]
+    stable = [sum(rightmost(_observer(R, model, lam, n)) < 0 for lam in tried) for R, n in cases]
     agree, wins = [], 0
     for loop in random_loops(60):
         for order in range(max(1, loop.Gm.denominator.degree - loop.Gm.numerator.degree), 5):

@@ -342,10 +342,7 @@ def performance_finding(which: int, times: float) -> Finding:
     }
     return Finding(
         stable and tracks and rejects,
-        "; ".join(
-            f"{name} {number(before, 4)} → {number(after, 4)}"
-            for name, (before, after) in compared.items()
-        ),
+        "; ".join(f"{name} {number(a, 4)} → {number(b, 4)}" for name, (a, b) in compared.items()),
         "kept: within 10 %",
         conditions={
             "both loops are stable, and their responses end where they should": stable,

@@ -180,9 +180,7 @@ def filter_in_its_pass_band() -> Finding:
         ABOUT,
         conditions={
             "|F| ≥ 1 − ε exactly up to ω_ε, and ω_ε < ω_B": every(exact),
-            "ω_ε is about half of ω_B for ε = 0.1": every(
-                0.45 < value < 0.55 for value in share[NEAR]
-            ),
+            "ω_ε is about half of ω_B for ε = 0.1": every(0.45 < x < 0.55 for x in share[NEAR]),
         },
     )
 
