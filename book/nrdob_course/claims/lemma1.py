@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from dataclasses import replace
-from typing import Any
 
 import control as ct
 import numpy as np
@@ -143,15 +141,11 @@ def rational_functions_not_polynomials() -> Finding:
     )
 
 
-def _value(factors: Iterable[Any], s: ComplexArray) -> ComplexArray:
-    return np.asarray(np.prod([factor(s) for factor in factors], axis=0))
-
-
 def _factors(loop: NRDOB) -> bool:
     """Whether p_A and p_B are what the diagram gives, times the denominators."""
     s = random_points(np.random.default_rng(7))
     v = Values.of(loop, s)
-    A, B = loop.p_A(s) / _value(loop.CGm.den, s), loop.p_B(s) / _value(loop.FH.den, s)
+    A, B = loop.p_A(s) / loop.CGm.denominator(s), loop.p_B(s) / loop.FH.denominator(s)
     return same(A, 1 + v.CGm) and same(B, 1 + v.FH) and same(np.linalg.det(v.equations()), A * B)
 
 
@@ -159,7 +153,7 @@ def _modes_are_the_roots(loop: NRDOB) -> bool:
     """Whether the modes of the whole diagram are the roots of Df³ p_A p_B."""
     s = random_points(np.random.default_rng(7))
     by_modes = np.prod(s[:, None] - loop_modes(loop), axis=1)
-    by_roots = _value([*loop.F.den] * 3 + [loop.p_A, loop.p_B], s)
+    by_roots = loop.F.denominator(s) ** 3 * loop.p_A(s) * loop.p_B(s)
     return same(by_modes / by_modes[0], by_roots / by_roots[0], rtol=1e-6)
 
 
@@ -178,8 +172,8 @@ def three_forms_of_b() -> Finding:
     return Finding(
         (first < EXACT) == (third < EXACT),
         f"G = Gm = (1 − s)/(s + 2): at s = 1 the first form is {number(first, 4)}, the third "
-        f"{number(third, 4)}, and p_B has the root {number(root, 4)}; in {counted(vanish)}"
-        f" loops that share nothing all forms vanish at every root of p_B",
+        f"{number(third, 4)}, and p_B has the root {number(root, 4)}; in {counted(vanish)} "
+        "loops that share nothing all forms vanish at every root of p_B",
         conditions={
             "the first form is Gm times the second": same(v.B, v.Gm * second),
             "the second form is the third": same(second, 1 + v.FH),
