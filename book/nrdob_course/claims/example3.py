@@ -119,10 +119,10 @@ def rotation() -> Finding:
     zeros = ratio.to_tf().zeros().real
     omega = np.tan(np.linspace(-1.57, 1.57, 2001))
     angle = np.unwrap(np.angle(ratio(1j * omega)))
-    counted = encirclements(ratio, 0.0)
+    count = encirclements(ratio, 0.0)
     grows = (zeros < 0).all() and (np.diff(angle) > 0).all()
-    once = round((angle[-1] - angle[0]) / (2 * pi), 2) == 1 and npz(counted) == (-1, 1, 0)
-    words = f"zero at {number(zeros[0], 4)}; {turns(counted.encirclements, 0.0)}"
+    once = round((angle[-1] - angle[0]) / (2 * pi), 2) == 1 and npz(count) == (-1, 1, 0)
+    words = f"zero at {number(zeros[0], 4)}; {turns(count.encirclements, 0.0)}"
     return Finding(bool(grows and once), words)
 
 
@@ -173,11 +173,11 @@ def model() -> Finding:
 def figure_10() -> Finding:
     """Count the encirclements of +1, and find the zero of H."""
     loop = example(3)
-    counted, zeros = encirclements(loop.ratio, 1.0), loop.H.numerator.roots
+    count, zeros = encirclements(loop.ratio, 1.0), loop.H.numerator.roots
     own = loop.H.to_tf().zeros().real
     return Finding(
-        npz(counted) == (-1, 1, 0) and bool(np.all(zeros.real < 0)),
-        f"{npz_text(counted)}; the zero of H is at {number(own[0], 4)}",
+        npz(count) == (-1, 1, 0) and bool(np.all(zeros.real < 0)),
+        f"{npz_text(count)}; the zero of H is at {number(own[0], 4)}",
     )
 
 
@@ -218,10 +218,10 @@ def equation_14() -> Finding:
 def figure_11() -> Finding:
     """Count the encirclements, and find the zero of 1 + H."""
     loop = example(3)
-    counted, zero = encirclements(loop.H), loop.ratio.to_tf().zeros().real
+    count, zero = encirclements(loop.H), loop.ratio.to_tf().zeros().real
     return Finding(
-        npz(counted) == (-1, 1, 0) and bool(np.all(zero < 0)),
-        f"{npz_text(counted)}; 1 + H has its zero at {number(zero[0], 4)}",
+        npz(count) == (-1, 1, 0) and bool(np.all(zero < 0)),
+        f"{npz_text(count)}; 1 + H has its zero at {number(zero[0], 4)}",
     )
 
 

@@ -164,14 +164,14 @@ def figure_5() -> Finding:
     radius = 1e8
     line = _turns(H, 1j * radius * np.linspace(-1, 1, 100_001))
     arc = _turns(H, radius * np.exp(1j * np.linspace(pi / 2, -pi / 2, 1001)))
-    counted = encirclements(H)
+    count = encirclements(H)
     return Finding(
         round(line, 4) == 1,
         f"{number(line, 4)} encirclements without the arc, {number(line + arc, 4)} with it; "
         f"1 + H has a zero at {number(minus_point(H).roots[0].real, 4)}",
         conditions={
             "the closed curve turns once clockwise": bool(np.isclose(line + arc, 1, atol=1e-5)),
-            "so does the count, P = 0 and Z = 1": npz(counted) == (1, 0, 1),
+            "so does the count, P = 0 and Z = 1": npz(count) == (1, 0, 1),
         },
     )
 
