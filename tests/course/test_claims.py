@@ -28,7 +28,6 @@ from nrdob_course.claims import (
     mismatch,
     recurring,
     robustness,
-    roots,
     section2,
     settle,
     signals,
@@ -38,7 +37,7 @@ from nrdob_course.claims.ledger import WIDTH, Section, collect
 SECTIONS = (
     section2, bands, lemma1, mismatch, robustness, examples12, example3, example4, conclusions,
 )  # fmt: skip
-MODULES = (*SECTIONS, ledger, recurring, roots, signals)
+MODULES = (*SECTIONS, ledger, recurring, signals)
 TEXT = {"chapter": "11_the_loop", "place": "p. 1", "says": "It is so."}
 CHAPTERS = {path.stem for path in Path(__file__).parents[2].glob("notebooks/*.ipynb")}
 
@@ -217,15 +216,14 @@ def wrong_sign_of_p_b(monkeypatch):
 
 
 def miswired_diagram(monkeypatch):
-    equations = signals.equations
+    equations = signals.Values.equations
 
     def changed(blocks, **kind):
         matrix = equations(blocks, **kind)
         matrix[..., 1, 2] *= -1
         return matrix
 
-    monkeypatch.setattr(signals, "equations", changed)
-    everywhere(monkeypatch, "equations", changed)
+    monkeypatch.setattr(signals.Values, "equations", changed)
 
 
 def wrong_formulas(monkeypatch):

@@ -12,7 +12,7 @@ from scipy.optimize import brentq
 
 from nrdob.diagram import LowPassFilter
 from nrdob.loop import NRDOB
-from nrdob.numerics import ComplexArray, number
+from nrdob.numerics import ComplexArray, FloatArray, number
 from nrdob.paper import EXAMPLES, example
 
 from .ledger import Finding
@@ -25,11 +25,9 @@ from .signals import (
     STOPPED,
     Values,
     every,
-    from_diagram,
+    is_stable,
     many_loops,
-    matched_blocks,
     numbers,
-    random_blocks,
     same,
 )
 
@@ -59,9 +57,9 @@ def tracking_at_low_frequency() -> Finding:
 
     The exact factor is compared with the diagram at random values; on loops it tends to 1 with s.
     """
-    blocks = random_blocks(np.random.default_rng(5))
-    wanted = blocks.CGm / (1 + blocks.CGm)
-    factor = from_diagram("T_R", blocks) / wanted
+    v = Values.random(5)
+    wanted = v.CGm / (1 + v.CGm)
+    factor = v.map("T_R") / wanted
 
     def compared(loop: NRDOB, s: ComplexArray) -> ComplexArray:
         return np.asarray(loop.T_R(s) * (1 + loop.CGm(s)) / loop.CGm(s))
@@ -76,9 +74,9 @@ def tracking_at_low_frequency() -> Finding:
         f"the factor between the two reaches {numbers(worst)} on [0, ω_B] in Examples 1 to 4",
         ABOUT,
         conditions={
-            "the first factor is (1 + H)/(1 + FH)": same(factor, (1 + blocks.H) / (1 + blocks.FH)),
+            "the first factor is (1 + H)/(1 + FH)": same(factor, (1 + v.H) / (1 + v.FH)),
             "it differs from 1 by (1 − F)H/(1 + FH)": same(
-                factor - 1, (1 - blocks.F) * blocks.H / (1 + blocks.FH)
+                factor - 1, (1 - v.F) * v.H / (1 + v.FH)
             ),
             "it tends to 1 with s": every(
                 same(compared(loop, np.array([1e-7j])), 1, rtol=1e-4) for loop in many_loops()
@@ -93,12 +91,10 @@ def output_disturbance_at_low_frequency() -> Finding:
 
     The exact form is compared with the diagram at random values, S_d(0) is exactly 0 on loops.
     """
-    blocks = random_blocks(np.random.default_rng(5))
-    error = [_one_minus(order)(LowPassFilter(1.0, order).bandwidth) for order in ORDERS[:3]]
-    reach = [
-        brentq(lambda x, n=n: _one_minus(n)(x) - NEAR, 0, 1) / LowPassFilter(1.0, n).bandwidth
-        for n in ORDERS[:3]
-    ]
+    v = Values.random(5)
+    filters = [LowPassFilter(1.0, order) for order in ORDERS[:3]]
+    error = [abs(1 - F(1j * F.bandwidth)) for F in filters]
+    reach = [brentq(lambda x, F=F: abs(1 - F(1j * x)) - NEAR, 0, 1) / F.bandwidth for F in filters]
     worst = _worst(lambda loop: float(np.abs(loop.S_d(_low_band(loop))).max()))
     return Finding(
         every(value <= NEAR for value in worst),
@@ -106,21 +102,12 @@ def output_disturbance_at_low_frequency() -> Finding:
         f"{numbers(error)} for n = 1, 2, 3, and below 0.1 only up to {numbers(reach)} of ω_B",
         ABOUT,
         conditions={
-            "S_d = (1 − F)/(1 + FH)": same(
-                from_diagram("S_d", blocks), (1 - blocks.F) / (1 + blocks.FH)
-            ),
-            "S_d = 1 − F with a perfect model": same(
-                from_diagram("S_d", matched_blocks(blocks)), 1 - blocks.F
-            ),
+            "S_d = (1 − F)/(1 + FH)": same(v.map("S_d"), (1 - v.F) / (1 + v.FH)),
+            "S_d = 1 − F with a perfect model": same(v.matched.map("S_d"), 1 - v.F),
             "S_d(0) = 0": every(loop.S_d.dc_gain == 0 for loop in many_loops()),
             "|1 − F| is near 1 at ω_B": every(value > 0.5 for value in error),
         },
     )
-
-
-def _one_minus(order: int) -> Callable[[float], float]:
-    """|1 − F| as a function of λω."""
-    return lambda x: float(abs(1 - LowPassFilter(1.0, order)(1j * x)))
 
 
 @SECTION.check("eq05.S_eta")
@@ -130,7 +117,7 @@ def noise_at_low_frequency() -> Finding:
     The condition fails for Gm = 1/s under G = 1/(s + 1): the diagram at s = 10⁻⁸ gives another
     value than −1.
     """
-    blocks = random_blocks(np.random.default_rng(5))
+    v = Values.random(5)
     loops = many_loops()
     distance = _worst(lambda loop: float(np.abs(np.abs(loop.S_eta(_low_band(loop))) + 1).min()))
     at_zero = [loop.S_eta.dc_gain for loop in loops]
@@ -143,7 +130,7 @@ def noise_at_low_frequency() -> Finding:
         ABOUT,
         conditions={
             "S_η(0) = −1": every(abs(value + 1) < EXACT for value in at_zero),
-            "S_η + 1 = S_d": same(from_diagram("S_eta", blocks) + 1, from_diagram("S_d", blocks)),
+            "S_η + 1 = S_d": same(v.map("S_eta") + 1, v.map("S_d")),
             "S_η(0) is another value with G(0)/Gm(0) = 0": abs(lost + 1) > NEAR,
         },
     )
@@ -152,8 +139,8 @@ def noise_at_low_frequency() -> Finding:
 def _at(G: Any, Gm: Any, F: LowPassFilter, name: str, s: complex) -> complex:
     """One map of the diagram at one point, for C = 1."""
     point = np.array([s], dtype=complex)
-    blocks = Values(G(point), Gm(point), np.ones(1, dtype=complex), F(point))
-    return complex(from_diagram(name, blocks)[0])
+    v = Values(G(point), Gm(point), np.ones(1, dtype=complex), F(point))
+    return complex(v.map(name)[0])
 
 
 @SECTION.check("eq05.S_delta")
@@ -163,10 +150,9 @@ def input_disturbance_at_low_frequency() -> Finding:
     S_δ = G S_d is compared with the diagram at random values, the slope at s = 0 on loops, among
     them a stable one with an integrator in the plant only.
     """
-    blocks = random_blocks(np.random.default_rng(5))
+    v = Values.random(5)
     worst = _worst(lambda loop: float(np.abs(loop.S_delta(_low_band(loop))).max()))
-    F = LowPassFilter(0.5, 2)
-    integrators = _at(1 / _s, 1 / _s, F, "S_delta", 1e-6)
+    integrators = _at(1 / _s, 1 / _s, LowPassFilter(0.5, 2), "S_delta", 1e-6)
     plant_only = NRDOB(1 / _s, 1 / (_s + 0.1), 2.0, LowPassFilter(0.05, 1))
     loops = [*many_loops(), plant_only]
 
@@ -181,16 +167,10 @@ def input_disturbance_at_low_frequency() -> Finding:
         f"n = 2, λ = 0.5 s it tends to {number(integrators.real, 4)}",
         ABOUT,
         conditions={
-            "S_δ = G S_d": same(
-                from_diagram("S_delta", blocks), blocks.G * from_diagram("S_d", blocks)
-            ),
+            "S_δ = G S_d": same(v.map("S_delta"), v.G * v.map("S_d")),
             "the slope of S_δ at s = 0 is nλGm(0)": every(slope(loop) for loop in loops),
-            "the loop with an integrator in the plant only is stable": (
-                plant_only.stability().stable is True
-            ),
-            "S_δ tends to nλ for G = Gm = 1/s": (
-                abs(integrators - F.order * F.time_constant) < 1e-4
-            ),
+            "the loop with an integrator in the plant only is stable": is_stable(plant_only),
+            "S_δ tends to nλ for G = Gm = 1/s": abs(integrators - 2 * 0.5) < 1e-4,
         },
     )
 
@@ -198,9 +178,12 @@ def input_disturbance_at_low_frequency() -> Finding:
 # Eq. (6): high frequency.
 
 
-def _biproper() -> NRDOB:
-    """Give Example 2 with n = 1: causal, stable, and FH does not die out."""
-    return filtered(example(2), 0.02, 1)
+def _biproper() -> tuple[NRDOB, bool, str]:
+    """Give Example 2 with n = 1, where FH does not die out, whether it is stable, and say it."""
+    loop = filtered(example(2), 0.02, 1)
+    stable = is_stable(loop)
+    said = f"in Example 2 with n = 1, λ = 0.02 s ({'stable' if stable else 'not stable'})"
+    return loop, stable, said
 
 
 def _high_band(loop: NRDOB) -> ComplexArray:
@@ -215,72 +198,70 @@ def _dying() -> list[NRDOB]:
 
 
 def _approach(
-    part: Callable[[NRDOB, ComplexArray], ComplexArray], what: str, form: str, exact: bool
-) -> Finding:
-    """Judge a statement of eq. (6) by the ratio of both sides, `part`, which should be 1.
+    name: str,
+    computed: str,
+    what: str,
+    form: str,
+    ratio: Callable[[Values, ComplexArray], ComplexArray],
+    exactly: Callable[[Values], ComplexArray],
+) -> None:
+    """Enter the check of a map of eq. (6) by its `ratio` to what it should be near, called `what`.
 
-    `form` is what the ratio is said to be exactly, and `exact` whether it is.
+    `form` is in words what the ratio is `exactly`, of the four blocks.
     """
 
-    def deviation(loop: NRDOB) -> float:
-        off = float(np.abs(np.abs(part(loop, _high_band(loop))) - 1).max())
-        return round(off, 9)  # for the matched example nothing but the last bit
+    @SECTION.check(f"eq06.{name}")
+    def check() -> Finding:
+        def size(loop: NRDOB, s: ComplexArray) -> FloatArray:
+            return np.abs(ratio(Values.of(loop, s), getattr(loop, name)(s)))
 
-    def end(loop: NRDOB) -> float:
-        return float(abs(part(loop, _high_band(loop)[-1:])[0]))
+        def deviation(loop: NRDOB) -> float:
+            off = float(np.abs(size(loop, _high_band(loop)) - 1).max())
+            return round(off, 9)  # for the matched example nothing but the last bit
 
-    worst = _worst(deviation)
-    biproper = _biproper()
-    limit = abs(1 / (1 + biproper.FH.at_infinity[0]))
-    stable = biproper.stability().stable is True
-    return Finding(
-        every(value <= NEAR for value in worst) and deviation(biproper) <= NEAR,
-        f"where |F| ≤ 0.01 {what} is off by at most {numbers(worst)} in Examples 1 to 4; in "
-        f"Example 2 with n = 1, λ = 0.02 s ({'stable' if stable else 'not stable'}) it tends to "
-        f"{number(end(biproper), 4)}",
-        ABOUT,
-        conditions={
-            f"{what} is {form}": exact,
-            "Example 2 with n = 1, λ = 0.02 s is stable": stable,
-            f"there {what} tends to |1/(1 + FH)| at infinity, not to 1": same(
-                end(biproper), limit, rtol=1e-3
-            ),
-            f"{what} tends to 1 if FH is strictly proper": every(
-                abs(end(loop) - 1) < 1e-3 for loop in _dying()
-            ),
-        },
+        def end(loop: NRDOB) -> float:
+            return float(size(loop, _high_band(loop)[-1:])[0])
+
+        v = Values.random(6)
+        worst = _worst(deviation)
+        biproper, stable, said = _biproper()
+        limit = abs(1 / (1 + biproper.FH.at_infinity[0]))
+        return Finding(
+            every(value <= NEAR for value in worst) and deviation(biproper) <= NEAR,
+            f"where |F| ≤ 0.01 {what} is off by at most {numbers(worst)} in Examples 1 to 4; "
+            f"{said} it tends to {number(end(biproper), 4)}",
+            ABOUT,
+            conditions={
+                f"{what} is {form}": same(ratio(v, v.map(name)), exactly(v)),
+                "Example 2 with n = 1, λ = 0.02 s is stable": stable,
+                f"there {what} tends to |1/(1 + FH)| at infinity, not to 1": same(
+                    end(biproper), limit, rtol=1e-3
+                ),
+                f"{what} tends to 1 if FH is strictly proper": every(
+                    abs(end(loop) - 1) < 1e-3 for loop in _dying()
+                ),
+            },
+        )
+
+    check.__doc__ = (
+        f"Compute {computed} where |F| ≤ 0.01, in the examples and for a biproper FH.\n\n"
+        f"The exact {'factor' if 'factor' in what else 'form'} is compared with the diagram at "
+        "random values, its limit on random loops."
     )
 
 
-@SECTION.check("eq06.T_R")
-def tracking_at_high_frequency() -> Finding:
-    """Compute T_R (1 + C Gm)/(C G) where |F| ≤ 0.01, in the examples and for a biproper FH.
-
-    The exact factor is compared with the diagram at random values, its limit on random loops.
-    """
-    blocks = random_blocks(np.random.default_rng(6))
-    factor = from_diagram("T_R", blocks) * (1 + blocks.CGm) / (blocks.C * blocks.G)
-    return _approach(
-        lambda loop, s: loop.T_R(s) * (1 + loop.CGm(s)) / (loop.C(s) * loop.G(s)),
-        "the factor between the two",
-        "1/(1 + FH)",
-        same(factor, 1 / (1 + blocks.FH)),
-    )
-
-
-@SECTION.check("eq06.S_d")
-def output_disturbance_at_high_frequency() -> Finding:
-    """Compute |S_d| where |F| ≤ 0.01, in the examples and for a biproper FH.
-
-    The exact form is compared with the diagram at random values, its limit on random loops.
-    """
-    blocks = random_blocks(np.random.default_rng(6))
-    return _approach(
-        lambda loop, s: np.asarray(loop.S_d(s)),
-        "|S_d|",
-        "|(1 − F)/(1 + FH)|",
-        same(from_diagram("S_d", blocks), (1 - blocks.F) / (1 + blocks.FH)),
-    )
+_approach(
+    "T_R", "T_R (1 + C Gm)/(C G)", "the factor between the two", "1/(1 + FH)",
+    lambda v, T_R: T_R * (1 + v.CGm) / (v.C * v.G), lambda v: 1 / (1 + v.FH),
+)  # fmt: skip
+_approach(
+    "S_d", "|S_d|", "|S_d|", "|(1 − F)/(1 + FH)|",
+    lambda v, S_d: S_d, lambda v: (1 - v.F) / (1 + v.FH),
+)  # fmt: skip
+_approach(
+    "S_delta", "|S_δ/G|", "|S_δ/G|", "|(1 − F)/(1 + FH)|",
+    lambda v, S_delta: S_delta / v.G, lambda v: (1 - v.F) / (1 + v.FH),
+)  # fmt: skip
 
 
 @SECTION.check("eq06.S_eta")
@@ -289,41 +270,24 @@ def noise_at_high_frequency() -> Finding:
 
     The exact form is compared with the diagram at random values, its limit on random loops.
     """
-    blocks = random_blocks(np.random.default_rng(6))
-    exact = -blocks.F * (1 + blocks.H) / (1 + blocks.FH)
+    v = Values.random(6)
+    exact = -v.F * (1 + v.H) / (1 + v.FH)
     worst = _worst(lambda loop: float(np.abs(loop.S_eta(_high_band(loop))).max()))
-    biproper = _biproper()
+    biproper, stable, said = _biproper()
     passes = float(np.abs(biproper.S_eta(_high_band(biproper))).min())
-    stable = biproper.stability().stable is True
     return Finding(
         every(value <= NEAR for value in worst) and passes <= NEAR,
-        f"where |F| ≤ 0.01 |S_η| is at most {numbers(worst)} in Examples 1 to 4; in Example 2 "
-        f"with n = 1, λ = 0.02 s ({'stable' if stable else 'not stable'}) it is nowhere below "
-        f"{number(passes, 4)}",
+        f"where |F| ≤ 0.01 |S_η| is at most {numbers(worst)} in Examples 1 to 4; {said} it is "
+        f"nowhere below {number(passes, 4)}",
         ABOUT,
         conditions={
-            "S_η = −F(1 + H)/(1 + FH)": same(from_diagram("S_eta", blocks), exact),
+            "S_η = −F(1 + H)/(1 + FH)": same(v.map("S_eta"), exact),
             "Example 2 with n = 1, λ = 0.02 s is stable": stable,
             "there S_η does not die out": passes > 1 - NEAR,
             "S_η dies out if FH is strictly proper": every(
                 abs(loop.S_eta(_high_band(loop)[-1])) < 1e-3 for loop in _dying()
             ),
         },
-    )
-
-
-@SECTION.check("eq06.S_delta")
-def input_disturbance_at_high_frequency() -> Finding:
-    """Compute |S_δ/G| where |F| ≤ 0.01, in the examples and for a biproper FH.
-
-    The exact form is compared with the diagram at random values, its limit on random loops.
-    """
-    blocks = random_blocks(np.random.default_rng(6))
-    return _approach(
-        lambda loop, s: np.asarray(loop.S_delta(s) / loop.G(s)),
-        "|S_δ/G|",
-        "|(1 − F)/(1 + FH)|",
-        same(from_diagram("S_delta", blocks), blocks.G * (1 - blocks.F) / (1 + blocks.FH)),
     )
 
 
@@ -338,41 +302,38 @@ def noise_against_tracking() -> Finding:
     that T_R is free of F for G = Gm, that it is not otherwise, and that S_d − S_η = 1.
     """
     s = 1j * np.geomspace(1e-3, 1e4, 2001)
-    departs, quieter = [], []
-    for which in (2, 3, 4):
-        loop = example(which)
-        slower = filtered(loop, 4 * loop.filter.time_constant, loop.filter.order)
-        before, after = (case.S_eta.noise_power() for case in (loop, slower))
-        quieter.append(after < before and slower.stability().stable is True)
-        wanted = loop.CGm(s) / (1 + loop.CGm(s))
-        departs.append(float(np.abs(slower.T_R(s) - wanted).max()))
-        if which == 3:
-            power = (before, after)
-            before_departs = float(np.abs(loop.T_R(s) - wanted).max())
+    loops = [example(which) for which in (2, 3, 4)]
+    slower = [filtered(loop, 4 * loop.filter.time_constant, loop.filter.order) for loop in loops]
+    pairs = zip(loops, slower, strict=True)
+    powers = [[loop.S_eta.noise_power() for loop in pair] for pair in pairs]
+    quieter = [after < before for before, after in powers] + [*map(is_stable, slower)]
+
+    def departure(loop: NRDOB) -> float:
+        return float(np.abs(loop.T_R(s) - loop.CGm(s) / (1 + loop.CGm(s))).max())
+
+    departs = [departure(loop) for loop in slower]
     rng = np.random.default_rng(7)
-    blocks = random_blocks(rng)
-    other = blocks._replace(F=random_blocks(rng).F)
-    tracking = from_diagram("T_R", blocks)
+    v = Values.random(rng)
+    other = v._replace(F=Values.random(rng).F)
+    tracking = v.map("T_R")
     return Finding(
         every(quieter) and every(value <= NEAR for value in departs),
         f"filters four times slower: T_R departs from C Gm/(1 + C Gm) by up to "
         f"{numbers(departs)} in Examples 2 to 4; in Example 3 it was "
-        f"{number(before_departs, 4)}, while the noise power at y falls from {number(power[0], 4)} "
-        f"to {number(power[1], 4)}",
+        f"{number(departure(loops[1]), 4)}, while the noise power at y falls from "
+        f"{number(powers[1][0], 4)} to {number(powers[1][1], 4)}",
         ABOUT,
         conditions={
             "slower filters pass less noise, and stay stable": every(quieter),
             "T_R is free of F for G = Gm": same(
-                from_diagram("T_R", matched_blocks(blocks)),
-                from_diagram("T_R", matched_blocks(other)),
+                v.matched.map("T_R"),
+                other.matched.map("T_R"),
             ),
-            "T_R depends on F otherwise": not np.isclose(
-                tracking, from_diagram("T_R", other)
-            ).any(),
+            "T_R depends on F otherwise": not np.isclose(tracking, other.map("T_R")).any(),
             "F enters T_R as (1 + H)/(1 + FH)": same(
-                tracking * (1 + blocks.CGm) / blocks.CGm, (1 + blocks.H) / (1 + blocks.FH)
+                tracking * (1 + v.CGm) / v.CGm, (1 + v.H) / (1 + v.FH)
             ),
-            "S_d − S_η = 1": same(from_diagram("S_d", blocks) - from_diagram("S_eta", blocks), 1),
+            "S_d − S_η = 1": same(v.map("S_d") - v.map("S_eta"), 1),
         },
     )
 
@@ -383,12 +344,10 @@ def disturbances_above_the_bandwidth() -> Finding:
 
     The peak of |1 − F| comes from the diagram with G = Gm on 20,000 frequencies.
     """
-    floor = []
     x = np.geomspace(LowPassFilter(1.0, 3).bandwidth, 1e6, 20_001)
-    perfect = matched_blocks(random_blocks(np.random.default_rng(8), x.size))
-    for order in ORDERS[:3]:
-        blocks = perfect._replace(F=LowPassFilter(1.0, order)(1j * x))
-        floor.append(float(np.abs(from_diagram("S_d", blocks)).max()))
+    perfect = Values.random(8, x.size).matched
+    filters = [perfect._replace(F=LowPassFilter(1.0, n)(1j * x)) for n in ORDERS[:3]]
+    floor = [float(np.abs(v.map("S_d")).max()) for v in filters]
 
     def peak(loop: NRDOB) -> float:
         omega = np.geomspace(1, 1e5, 20_001) * loop.filter.bandwidth
@@ -403,11 +362,9 @@ def disturbances_above_the_bandwidth() -> Finding:
         conditions={
             "|1 − F| stays below 1 for n = 1": floor[0] < 1,
             "it peaks at 1, 2/√3 and 9/7 for n = 1, 2, 3": same(
-                floor, [1, 2 / sqrt(3), 9 / 7], rtol=1e-6
+                floor, [1, 2 / sqrt(3), 9 / 7], 1e-6
             ),
-            "|S_d| of the perfect model in Example 1 peaks there": same(
-                worst[0], floor[1], rtol=1e-6
-            ),
+            "|S_d| of the perfect model in Example 1 peaks there": same(worst[0], floor[1], 1e-6),
             "a mismatch raises the peak, in Examples 2 to 4": every(
                 floor[1] < value < inf for value in worst[1:]
             ),

@@ -13,7 +13,8 @@ from nrdob.numerics import QuasiPolynomial, number
 from nrdob.paper import example
 
 from .ledger import Finding
-from .recurring import section
+from .recurring import both, section
+from .signals import counted, every, is_stable
 
 __all__ = ["REFERENCE_2", "SECTION"]
 
@@ -23,16 +24,14 @@ SECTION = section("conclusions")
 @SECTION.check("concl.unstable_nmp_delay")
 def designs_exist() -> Finding:
     """See that the plants of Examples 2, 3, 4 are what they should be, and judge all six loops."""
-    loops = {k: [example(k, modified) for modified in (False, True)] for k in (2, 3, 4)}
-    features = {
-        2: all(loop.G.to_tf().zeros().real.max() > 0 for loop in loops[2]),
-        3: all(loop.G.to_tf().poles().real.max() > 0 for loop in loops[3]),
-        4: all(loop.delay > 0 for loop in loops[4]),
-    }
-    stable = [loop.stability().stable is True for pair in loops.values() for loop in pair]
+    second, third, fourth = (both(k) for k in (2, 3, 4))
+    features = [loop.G.to_tf().zeros().real.max() > 0 for loop in second]
+    features += [loop.G.to_tf().poles().real.max() > 0 for loop in third]
+    features += [loop.delay > 0 for loop in fourth]
+    stable = [*map(is_stable, second + third + fourth)]
     return Finding(
-        all(features.values()) and all(stable),
-        f"{sum(stable)} of {len(stable)} loops stable: Examples 2 (zero in the right half "
+        every(features) and every(stable),
+        f"{counted(stable)} loops stable: Examples 2 (zero in the right half "
         "plane), 3 (pole there), 4 (dead time), each with its plant and its modified plant",
     )
 
@@ -46,41 +45,42 @@ def not_matching() -> Finding:
     time is a little longer, by encirclements, and filters made for the matched models.
     """
     filters = [LowPassFilter(lam, n) for n in (2, 3, 4) for lam in (0.01, 0.1, 1.0)]
+    plants = [example(which).process for which in (2, 3)]
     matched = [
-        NRDOB(loop.process, loop.process, 0.1, each).stability().observer_loop.stable
-        for loop in (example(2), example(3))
+        NRDOB(plant, plant, 0.1, each).stability().observer_loop.stable
+        for plant in plants
         for each in filters
     ]
-    process, model = ([1.0], [1.0, 4.0, 4.0]), ([1.0], [1.0, 4.0, 3.75])
+    D, delay = [1.0, 4.0, 4.0], example(4).delay  # and the numerators of Example 4 are 1
     delayed = [
-        (_with_delayed_path(process, other, each, example(4).delay), each)
-        for other in (process, model)
+        (QuasiPolynomial(np.polymul(D, each.den), np.polysub(Dm, D), delay), each)
+        for Dm in (D, [1.0, 4.0, 3.75])
         for each in filters
     ]
     late = [judge("", [QuasiPolynomial(each.den)], p).stable for p, each in delayed]
     made = [
-        NRDOB(loop.process, loop.process, 0.1, interpolating_filter(loop.process, lam))
-        for loop in (example(2), example(3))
+        NRDOB(plant, plant, 0.1, interpolating_filter(plant, lam))
+        for plant in plants
         for lam in (0.01, 0.1, 1.0)
     ]
     as_one = [loop.stability().observer_loop.stable is True for loop in made]
-    lost = [_lost_to_a_wrong_delay(times * 0.001, 0.05, 0.001) for times in (3.0, 3.1)]
+    lost = [_lost_to_a_wrong_delay(times * 0.001) for times in (3.0, 3.1)]
     words = ["unstable" if each else "stable" for each in lost]
     own_factors = all(
-        p.delay == 0 and np.allclose(p.q, np.polymul(process[1], each.den))
+        p.delay == 0 and np.allclose(p.q, np.polymul(D, each.den))
         for p, each in delayed[: len(filters)]
     )
-    fails = sum(verdict is False for verdict in matched)
-    works = sum(verdict is True for verdict in late)
+    fails = [verdict is False for verdict in matched]
+    works = [verdict is True for verdict in late]
     return Finding(
-        fails == len(matched) and works == 0,
-        f"matched Examples 2 and 3: unstable in {fails} of {len(matched)} loops; Example 4 with "
-        f"the path Fu delayed: stable in {works} of {len(late)}, and with n = 3, λ = 0.001 s, "
+        every(fails) and not any(works),
+        f"matched Examples 2 and 3: unstable in {counted(fails)} loops; Example 4 with "
+        f"the path Fu delayed: stable in {counted(works)}, and with n = 3, λ = 0.001 s, "
         f"θ = 0.05 s {words[0]} with 3.0 ms more dead time, {words[1]} with 3.1 ms; "
-        f"matched with filters made for the model: stable in {sum(as_one)} of {len(as_one)}",
+        f"matched with filters made for the model: stable in {counted(as_one)}",
         conditions={
-            "the matched model never works in Examples 2 and 3": fails == len(matched),
-            "dead time can be matched with the path Fu delayed": works == len(late),
+            "the matched model never works in Examples 2 and 3": every(fails),
+            "dead time can be matched with the path Fu delayed": every(works),
             "the characteristic function is then N·D·Df": own_factors,
             "an error of θ below c₃λ does no harm, one above loses the loop": lost == [False, True],
             "a filter made for the model makes the matched model work": all(as_one),
@@ -88,28 +88,12 @@ def not_matching() -> Finding:
     )
 
 
-def _with_delayed_path(
-    process: tuple[list[float], list[float]],
-    model: tuple[list[float], list[float]],
-    F: LowPassFilter,
-    delay: float,
-) -> QuasiPolynomial:
-    """Characteristic function of the plant loop for K = F/((1 − F exp(−θs)) Gm)."""
-    (N, D), (Nm, Dm) = process, model
-    common = np.polymul(D, Nm)
-    late = np.polysub(np.polymul(N, Dm), common)
-    return QuasiPolynomial(np.polymul(common, F.den), np.atleast_1d(late), delay)
-
-
-def _lost_to_a_wrong_delay(error: float, delay: float, time_constant: float) -> bool:
-    """Whether 1 + F (exp(−(θ + error)s) − exp(−θs)), n = 3, turns around 0."""
-    late, early = np.exp(np.array([[-1j * (delay + error)], [-1j * delay]]) * _FREQUENCIES)
-    values = 1 + LowPassFilter(time_constant, 3)(1j * _FREQUENCIES) * (late - early)
+def _lost_to_a_wrong_delay(error: float) -> bool:
+    """Whether 1 + F (exp(−(θ + error)s) − exp(−θs)), n = 3, turns around 0, for λ and θ below."""
+    s = 1j * np.linspace(0, 2e4, 200_001)  # far enough for λ = 0.001 s, dense enough for θ = 0.05 s
+    values = 1 + LowPassFilter(0.001, 3)(s) * (np.exp(-(0.05 + error) * s) - np.exp(-0.05 * s))
     return bool(abs(np.angle(values[1:] / values[:-1]).sum()) > np.pi / 2)
 
-
-_FREQUENCIES = np.linspace(0, 2e4, 200_001)
-"""Far enough for λ = 0.001 s, and dense enough for θ = 0.05 s."""
 
 REFERENCE_2 = (
     "IEEE/ASME Transactions on Mechatronics, 9 (4), pp. 706-710 [10.1109/TMECH.2004.839034], 2006"

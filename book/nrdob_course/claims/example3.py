@@ -21,6 +21,7 @@ from nrdob.uncertain import largest_box, plant_family, sweep
 from .ledger import Finding
 from .recurring import (
     border,
+    both,
     filtered,
     map_text,
     npz,
@@ -28,7 +29,9 @@ from .recurring import (
     performance_finding,
     printed_text,
     section,
+    variation_finding,
 )
+from .signals import counted, every, is_stable, same
 
 __all__ = ["SECTION"]
 
@@ -47,12 +50,8 @@ def matched_fails() -> Finding:
     """
     filters = [LowPassFilter(lam, n) for n in (2, 3, 4) for lam in (0.001, 0.03, 0.3, 3.0, 100.0)]
     exact = all(
-        np.allclose(
-            NRDOB(PLANT, PLANT, -2, each).p_B.q,
-            np.polymul(np.polymul(*PLANT), each.den),
-            rtol=1e-12,
-        )
-        for each in filters
+        same(NRDOB(PLANT, PLANT, -2, F).p_B.q, np.polymul(np.polymul(*PLANT), F.den), 1e-12)
+        for F in filters
     )
     models = [
         ([gain], -np.poly([pole, stable]))
@@ -60,13 +59,17 @@ def matched_fails() -> Finding:
     ]
     loops = [NRDOB(PLANT, model, -2, each) for model in (PLANT, *models) for each in filters]
     signs = all(loop.p_B.q[0] * loop.p_B.q[-1] < 0 for loop in loops)
-    counts = [loop.stability().observer_loop.closed_loop_rhp or 0 for loop in loops]
-    odd = sum(count % 2 == 1 for count in counts)
+    counts = [_unstable_roots(loop) or 0 for loop in loops]
+    odd = [count % 2 == 1 for count in counts]
     return Finding(
-        exact and signs and odd == len(loops),
-        f"an odd number of roots in the right half plane, {number(min(counts))} or more, in {odd} "
-        f"of {len(loops)} loops",
+        exact and signs and every(odd),
+        f"an odd number of roots in the right half plane, {number(min(counts))} or more, in "
+        f"{counted(odd)} loops",
     )
+
+
+def _unstable_roots(loop: NRDOB) -> float | None:
+    return loop.stability().observer_loop.closed_loop_rhp
 
 
 @SECTION.check("ex3.negative_gain")
@@ -86,15 +89,12 @@ def negative_gain() -> Finding:
         NRDOB(PLANT, ([-1, 3], np.poly([-1, -1, -2])), 0.1, LowPassFilter(lam, 2))
         for lam in (0.01, 0.05, 0.2)
     ]
-    reversed_sign = [
-        replace(each, model=([1, -3], each.model[1]), controller=-0.1) for each in with_zero
-    ]
+    reversed_sign = [replace(x, model=([1, -3], x.model[1]), controller=-0.1) for x in with_zero]
 
     def odd(loops: list[NRDOB]) -> int:
-        counts = [loop.stability().observer_loop.closed_loop_rhp for loop in loops]
-        return sum(count is not None and count % 2 == 1 for count in counts)
+        return sum((_unstable_roots(loop) or 0) % 2 == 1 for loop in loops)
 
-    stable = all(loop.stability().stable is True for loop in with_zero)
+    stable = all(map(is_stable, with_zero))
     paper, gain = example(3), with_zero[0].Gm.dc_gain
     return Finding(
         not (stable and gain > 0),
@@ -106,7 +106,7 @@ def negative_gain() -> Finding:
             "with a zero on the right a positive gain is stable": stable and gain > 0,
             "with it a negative gain is unstable": odd(reversed_sign) == len(reversed_sign),
             "the model of Example 3 has a negative gain and is stable": (
-                paper.Gm.dc_gain < 0 and paper.stability().stable is True
+                paper.Gm.dc_gain < 0 and is_stable(paper)
             ),
         },
     )
@@ -119,12 +119,11 @@ def rotation() -> Finding:
     zeros = ratio.to_tf().zeros().real
     omega = np.tan(np.linspace(-1.57, 1.57, 2001))
     angle = np.unwrap(np.angle(ratio(1j * omega)))
-    counted = encirclements(ratio, 0.0)
+    count = encirclements(ratio, 0.0)
     grows = (zeros < 0).all() and (np.diff(angle) > 0).all()
-    once = round((angle[-1] - angle[0]) / (2 * pi), 2) == 1 and npz(counted) == (-1, 1, 0)
-    return Finding(
-        bool(grows and once), f"zero at {number(zeros[0], 4)}; {turns(counted.encirclements, 0.0)}"
-    )
+    once = round((angle[-1] - angle[0]) / (2 * pi), 2) == 1 and npz(count) == (-1, 1, 0)
+    words = f"zero at {number(zeros[0], 4)}; {turns(count.encirclements, 0.0)}"
+    return Finding(bool(grows and once), words)
 
 
 @SECTION.check("ex3.smaller")
@@ -144,7 +143,7 @@ def smaller() -> Finding:
     )
     louder = loop(8, 0.05)
     sizes = np.abs(louder.ratio(1j * np.geomspace(1e-3, 1e4, 201)))
-    works = louder.stability().stable is True and bool(sizes.max() < 1)
+    works = is_stable(louder) and bool(sizes.max() < 1)
     return Finding(
         not works,
         f"with Gm = −8/(s² + 3s + 2), |G/Gm| is {number(sizes.max(), 4)} and the loop "
@@ -174,11 +173,11 @@ def model() -> Finding:
 def figure_10() -> Finding:
     """Count the encirclements of +1, and find the zero of H."""
     loop = example(3)
-    counted, zeros = encirclements(loop.ratio, 1.0), loop.H.numerator.roots
+    count, zeros = encirclements(loop.ratio, 1.0), loop.H.numerator.roots
     own = loop.H.to_tf().zeros().real
     return Finding(
-        npz(counted) == (-1, 1, 0) and bool(np.all(zeros.real < 0)),
-        f"{npz_text(counted)}; the zero of H is at {number(own[0], 4)}",
+        npz(count) == (-1, 1, 0) and bool(np.all(zeros.real < 0)),
+        f"{npz_text(count)}; the zero of H is at {number(own[0], 4)}",
     )
 
 
@@ -219,10 +218,10 @@ def equation_14() -> Finding:
 def figure_11() -> Finding:
     """Count the encirclements, and find the zero of 1 + H."""
     loop = example(3)
-    counted, zero = encirclements(loop.H), loop.ratio.to_tf().zeros().real
+    count, zero = encirclements(loop.H), loop.ratio.to_tf().zeros().real
     return Finding(
-        npz(counted) == (-1, 1, 0) and bool(np.all(zero < 0)),
-        f"{npz_text(counted)}; 1 + H has its zero at {number(zero[0], 4)}",
+        npz(count) == (-1, 1, 0) and bool(np.all(zero < 0)),
+        f"{npz_text(count)}; 1 + H has its zero at {number(zero[0], 4)}",
     )
 
 
@@ -232,10 +231,7 @@ def fast_enough() -> Finding:
     loop, largest = example(3), 3 - sqrt(5)
     crossing = border(loop, 2, 0.5, 1.0)
     factors = (1e-4, 0.001, 0.01, 0.1, 0.5, 0.9, 0.9999, 1.0001, 1.1, 2.0, 10.0, 100.0, 1e3, 1e4)
-    exact = all(
-        filtered(loop, factor * largest, 2).stability().stable is bool(factor < 1)
-        for factor in factors
-    )
+    exact = all(filtered(loop, k * largest, 2).stability().stable is (k < 1) for k in factors)
     return Finding(
         exact and abs(crossing - largest) < 1e-9,
         f"with n = 2 stable exactly for 0 < λ < 3 − √5 = {number(crossing, 5)} s",
@@ -290,16 +286,7 @@ def figure_12() -> Finding:
 @SECTION.check("ex3.variation")
 def variation() -> Finding:
     """Compare DC gains and poles of the two plants."""
-    before, after = (example(3, modified).G for modified in (False, True))
-    poles = [np.sort(g.to_tf().poles().real) for g in (before, after)]
-    holds = np.isclose(after.dc_gain, 0.5 * before.dc_gain) and np.allclose(
-        poles[1], [-10, *poles[0]]
-    )
-    return Finding(
-        bool(holds),
-        f"DC gain {number(before.dc_gain, 4)} → {number(after.dc_gain, 4)}; poles "
-        f"{', '.join(number(p, 4) for p in poles[1])}",
-    )
+    return variation_finding(3, "DC gain", lambda loop: loop.G.dc_gain, 0.5)
 
 
 @SECTION.check("ex3.performance")
@@ -341,18 +328,17 @@ def family_3() -> Finding:
 
     def stable(gain: float, lag: float) -> bool:
         plant = ([4 * gain], np.polymul([-1, -1, 2], [lag, 1]))
-        return replace(loop, process=plant).stability().stable is True
+        return is_stable(replace(loop, process=plant))
 
     sides = [stable(1, 0.999 * longest), stable(1, 1.001 * longest)]
     sides += [stable(0.999 * highest, 0.1), stable(1.001 * highest, 0.1)]
-    ends = [loop.stability().stable, example(3, modified=True).stability().stable]
     count = int((~table["stable"]).sum())
     return Finding(
         count == 0,
         f"unstable with {count} of {len(table)} plants; at full gain the lag must be below "
         f"{number(longest, 4)} s, at the full lag the gain below {number(highest, 4)}",
         conditions={
-            "the nominal and the modified loop are stable": ends == [True, True],
+            "the nominal and the modified loop are stable": every(map(is_stable, both(3))),
             "verdicts are those of Routh's condition": np.array_equal(routh, table["stable"]),
             "the lag is limited to 0.08775 s at full gain": bool(
                 abs(lost.get("lag", 0.0) - longest) < 1e-6 and abs(longest - 0.08775) < 1e-5
@@ -383,7 +369,7 @@ def overparametrise() -> Finding:
         loop = _overparametrised(g, lags)
         return filtered(loop, lam, n).stability().observer_loop.stable is True
 
-    g_2 = _overparametrised(2, 2)
+    g_2 = _overparametrised(2)
     low, high = border(g_2, 4, 0.005, 0.02), border(g_2, 4, 0.2, 0.4)
     scan = np.geomspace(1e-4, 100, 25)
     interval = [stable(2, lam, 4) for lam in scan] == [bool(low < lam < high) for lam in scan]
@@ -405,7 +391,7 @@ def overparametrise() -> Finding:
     )
 
 
-def _overparametrised(g: float, lags: int) -> NRDOB:
+def _overparametrised(g: float, lags: int = 2) -> NRDOB:
     """Plant −g/((s−1)(s+2)^lags); the model has the poles −1 and −10 instead of +1."""
     shared = [-2] * lags
     model = ([-1], np.poly([-1, -10, *shared]) / 10)

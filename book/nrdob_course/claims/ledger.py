@@ -101,14 +101,10 @@ class Claim:
 
     Attributes
     ----------
-    id : str
-        Short and stable, as "eq05.S_eta": the chapters cite it.
-    place : str
-        Where in the paper it stands.
-    says : str
-        The statement, in our words, in Markdown.
-    printed : str
-        The printed value; empty for a statement without one.
+    id, place : str
+        Short and stable, as "eq05.S_eta": the chapters cite it; where in the paper it stands.
+    says, printed : str
+        The statement, in our words, in Markdown; the printed value, empty where there is none.
     chapter : str
         Notebook that shows it, without ".ipynb".
     amendment : Amendment or None
@@ -137,12 +133,8 @@ class Entry:
 
     Attributes
     ----------
-    claim : Claim
-        The statement.
-    finding : Finding
-        What its check found.
-    verdict : Verdict
-        What follows.
+    claim, finding, verdict : Claim, Finding, Verdict
+        The statement, what its check found, and what follows.
     """
 
     claim: Claim

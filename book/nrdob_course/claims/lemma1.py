@@ -2,49 +2,38 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from dataclasses import replace
-from typing import Any
 
 import control as ct
 import numpy as np
 
-from nrdob.diagram import Fraction, LowPassFilter, Quotient
+from nrdob.diagram import Fraction, LowPassFilter
 from nrdob.loop import NRDOB
-from nrdob.numerics import ComplexArray, FloatArray, number
+from nrdob.numerics import ComplexArray, number
 from nrdob.paper import example
 
 from .ledger import Finding
 from .recurring import section
-from .roots import (
-    condition_ii,
-    enough_turns,
-    in_right_half,
-    is_pole,
-    n_p,
-    poles_and_zeros,
-    random_loops,
-    rightmost,
-    turns_around_minus_one,
-)
 from .signals import (
     EXACT,
     PRINTED_MAPS,
     QUADRUPLES,
     TOLERANCE,
     Values,
-    blocks_of,
-    equations,
+    counted,
     every,
+    in_right_half,
     loop_modes,
     many_loops,
     modes,
+    n_p,
     numbers,
     printed_map,
-    random_blocks,
+    random_loops,
     random_points,
+    rightmost,
     same,
-    solve,
+    turns_around_minus_one,
 )
 
 __all__ = ["SECTION"]
@@ -61,8 +50,8 @@ def reference_to_error() -> Finding:
     The formula is compared with 1/(1 + C Gm), too.
     """
     finding = printed_map("E_R")
-    blocks = random_blocks(np.random.default_rng(7))
-    collapses = same(PRINTED_MAPS["E_R"](blocks), 1 / (1 + blocks.CGm))
+    v = Values.random(7)
+    collapses = same(PRINTED_MAPS["E_R"](v), 1 / (1 + v.CGm))
     return replace(
         finding,
         as_printed=finding.as_printed and collapses,
@@ -74,11 +63,9 @@ def reference_to_error() -> Finding:
 @SECTION.check("eq07.E_zero")
 def the_error_sees_no_disturbance() -> Finding:
     """Solve the diagram with δ, d and η at random values; compare e with the other signals."""
-    blocks = random_blocks(np.random.default_rng(7))
-    sizes = []
-    for found in (solve(blocks, delta=1.0), solve(blocks, d=1.0), solve(blocks, eta=1.0)):
-        sizes.append(np.abs(found.e) / (np.abs(found.u) + np.abs(found.y)))
-    zero = np.array(sizes) < EXACT
+    v = Values.random(7)
+    solved = [v.solve(delta=1.0), v.solve(d=1.0), v.solve(eta=1.0)]
+    zero = np.array([np.abs(x.e) < EXACT * (np.abs(x.u) + np.abs(x.y)) for x in solved])
     return Finding(
         every(zero.ravel()),
         f"e is 0 against u and y in {zero.sum()} of {zero.size} random solutions of the diagram",
@@ -100,9 +87,9 @@ def output_disturbance_to_control() -> Finding:
 @SECTION.check("eq07.U_delta")
 def input_disturbance_to_control() -> Finding:
     """Solve the diagram with δ alone at random values; compare u and u + δ with the formulas."""
-    blocks = random_blocks(np.random.default_rng(7))
-    u = solve(blocks, delta=1.0).u
-    printed = PRINTED_MAPS["U_delta"](blocks)
+    v = Values.random(7)
+    u = v.solve(delta=1.0).u
+    printed = PRINTED_MAPS["U_delta"](v)
     agree = np.isclose(printed, u, rtol=EXACT, atol=0)
     plant_input = np.isclose(printed, u + 1, rtol=EXACT, atol=0)
     return Finding(
@@ -113,7 +100,7 @@ def input_disturbance_to_control() -> Finding:
         conditions={
             "the printed formula is (U + δ)/δ": every(plant_input),
             "it is so in the package, too": printed_map("U_delta").as_printed,
-            "U/δ = −FG/(Gm + F(G − Gm))": same(u, -blocks.F * blocks.G / blocks.B),
+            "U/δ = −FG/(Gm + F(G − Gm))": same(u, -v.F * v.G / v.B),
         },
     )
 
@@ -132,7 +119,7 @@ def rational_functions_not_polynomials() -> Finding:
     near, far = np.array([3.0 + 0j]), np.array([1e9 + 0j])
     grows, starts, ends = [], [], []
     for loop in loops:
-        here, there = blocks_of(loop, near), blocks_of(loop, far)
+        here, there = Values.of(loop, near), Values.of(loop, far)
         a, a_far = abs(1 + here.CGm[0]), abs(1 + there.CGm[0])
         b, b_far = abs(here.B[0]), abs(there.B[0])
         grows += [same(a, a_far) or a_far > 1e6 * a, same(b, b_far) or b_far > 1e6 * b]
@@ -141,7 +128,7 @@ def rational_functions_not_polynomials() -> Finding:
     return Finding(
         every(grows),
         f"Examples 1 to 4: from s = 3 to 10⁹ the size of A goes from {numbers(starts[:4])} to "
-        f"{numbers(np.round(ends[:4], 6))}; {sum(grows)} of {len(grows)} functions A and B of "
+        f"{numbers(np.round(ends[:4], 6))}; {counted(grows)} functions A and B of "
         f"{len(loops)} loops are constant or grow, as a polynomial must",
         conditions={
             "A = p_A/(Dm Dc), 1 + FH = p_B/(D Nm Df), and the diagram has their product": every(
@@ -154,50 +141,42 @@ def rational_functions_not_polynomials() -> Finding:
     )
 
 
-def _value(factors: Iterable[Any], s: ComplexArray) -> ComplexArray:
-    return np.asarray(np.prod([factor(s) for factor in factors], axis=0))
-
-
 def _factors(loop: NRDOB) -> bool:
     """Whether p_A and p_B are what the diagram gives, times the denominators."""
     s = random_points(np.random.default_rng(7))
-    blocks = blocks_of(loop, s)
-    A, B = loop.p_A(s) / _value(loop.CGm.den, s), loop.p_B(s) / _value(loop.FH.den, s)
-    return (
-        same(A, 1 + blocks.CGm)
-        and same(B, 1 + blocks.FH)
-        and same(np.linalg.det(equations(blocks)), A * B)
-    )
+    v = Values.of(loop, s)
+    A, B = loop.p_A(s) / loop.CGm.denominator(s), loop.p_B(s) / loop.FH.denominator(s)
+    return same(A, 1 + v.CGm) and same(B, 1 + v.FH) and same(np.linalg.det(v.equations()), A * B)
 
 
 def _modes_are_the_roots(loop: NRDOB) -> bool:
     """Whether the modes of the whole diagram are the roots of Df³ p_A p_B."""
     s = random_points(np.random.default_rng(7))
     by_modes = np.prod(s[:, None] - loop_modes(loop), axis=1)
-    by_roots = _value([*loop.F.den] * 3 + [loop.p_A, loop.p_B], s)
+    by_roots = loop.F.denominator(s) ** 3 * loop.p_A(s) * loop.p_B(s)
     return same(by_modes / by_modes[0], by_roots / by_roots[0], rtol=1e-6)
 
 
 @SECTION.check("lemma1.forms")
 def three_forms_of_b() -> Finding:
     """Compare the forms at random values, at the roots of p_B, and for G = Gm = (1 − s)/(s + 2)."""
-    blocks = random_blocks(np.random.default_rng(7))
-    second = 1 + blocks.F * (blocks.G / blocks.Gm - 1)
+    v = Values.random(7)
+    second = 1 + v.F * (v.G / v.Gm - 1)
     loops = [loop for loop in many_loops() if not loop.delay]
     vanish = [_vanishes_at_roots(loop) for loop in loops if not _shares(loop)]
     G = (1 - _s) / (_s + 2)
     shared = NRDOB(G, G, 0.1, LowPassFilter(0.1, 1))
-    at = blocks_of(shared, np.array([1.0 + 1e-9j]))  # at 1 itself G/Gm is 0/0
+    at = Values.of(shared, np.array([1.0 + 1e-9j]))  # at 1 itself G/Gm is 0/0
     first, third = np.round([abs(at.B[0]), abs(1 + at.FH[0])], 8)
     root = rightmost(shared)
     return Finding(
         (first < EXACT) == (third < EXACT),
         f"G = Gm = (1 − s)/(s + 2): at s = 1 the first form is {number(first, 4)}, the third "
-        f"{number(third, 4)}, and p_B has the root {number(root, 4)}; in {sum(vanish)} of "
-        f"{len(vanish)} loops that share nothing all forms vanish at every root of p_B",
+        f"{number(third, 4)}, and p_B has the root {number(root, 4)}; in {counted(vanish)} "
+        "loops that share nothing all forms vanish at every root of p_B",
         conditions={
-            "the first form is Gm times the second": same(blocks.B, blocks.Gm * second),
-            "the second form is the third": same(second, 1 + blocks.FH),
+            "the first form is Gm times the second": same(v.B, v.Gm * second),
+            "the second form is the third": same(second, 1 + v.FH),
             "all vanish at the roots of p_B that Gm does not share": every(vanish),
             "a zero that plant and model share is a root of p_B": same(root, 1.0),
         },
@@ -212,9 +191,9 @@ def _shares(loop: NRDOB) -> bool:
 
 def _vanishes_at_roots(loop: NRDOB) -> bool:
     """Whether the first and the third form of B are 0 at the roots of p_B, against their terms."""
-    blocks = blocks_of(loop, loop.p_B.roots)
-    first = np.abs(blocks.B) / (np.abs(blocks.Gm) + np.abs(blocks.F * (blocks.G - blocks.Gm)))
-    third = np.abs(1 + blocks.FH) / (1 + np.abs(blocks.FH))
+    v = Values.of(loop, loop.p_B.roots)
+    first = np.abs(v.B) / (np.abs(v.Gm) + np.abs(v.F * (v.G - v.Gm)))
+    third = np.abs(1 + v.FH) / (1 + np.abs(v.FH))
     return every(np.concatenate([first, third]) < 1e-5)
 
 
@@ -223,22 +202,22 @@ def three_forms_of_h() -> Finding:
     """Compare the three at random values of the blocks, and on loops with the package's H."""
     rng = np.random.default_rng(7)
     loops = many_loops()
-    blocks = random_blocks(rng)
+    v = Values.random(rng)
     points = [random_points(rng) for _ in loops]
     pairs = zip(loops, points, strict=True)
-    agree = [_h_forms_agree(blocks_of(loop, s), loop.H(s)) for loop, s in pairs]
+    agree = [_h_forms_agree(Values.of(loop, s), loop.H(s)) for loop, s in pairs]
     return Finding(
-        _h_forms_agree(blocks, blocks.H) and every(agree),
+        _h_forms_agree(v, v.H) and every(agree),
         f"the three forms agree for {QUADRUPLES} random values of the blocks and, with the "
         f"package's H, for {sum(agree)} of {len(loops)} loops",
         TOLERANCE,
     )
 
 
-def _h_forms_agree(blocks: Values, H: ComplexArray) -> bool:
+def _h_forms_agree(v: Values, H: ComplexArray) -> bool:
     """Whether the three forms give H; the difference is compared with their terms."""
-    ratio = blocks.G / blocks.Gm
-    forms = np.array([ratio - 1, -(1 - ratio), (blocks.G - blocks.Gm) / blocks.Gm])
+    ratio = v.G / v.Gm
+    forms = np.array([ratio - 1, -(1 - ratio), (v.G - v.Gm) / v.Gm])
     return every((np.abs(forms - H) <= EXACT * (1 + np.abs(ratio))).ravel())
 
 
@@ -256,15 +235,20 @@ def what_lemma_1_does_not_see() -> Finding:
     in_a = NRDOB(-1 / (_s + 1), 1 / (_s - 1), (_s - 1) / (_s * (_s + 3)), LowPassFilter(2.0, 1))
     seen, true = [], []
     for loop in (in_b, in_a):
-        zeros = [root for part in (loop.CGm, loop.FH) for root in _zeros_of_one_plus(part)]
-        seen.append(float(np.real(zeros).max()))
+        # Zeros of 1 + L after everything that cancels in L is gone.
+        parts = [part.to_tf() for part in (loop.CGm, loop.FH)]
+        zeros = [np.roots(np.polyadd(tf.num_array[0, 0], tf.den_array[0, 0])) for tf in parts]
+        seen.append(float(np.concatenate(zeros).real.max()))
         true.append(float(loop_modes(loop).real.max()))
     loops = random_loops(60)
     stable = np.array([loop_modes(loop).real.max() < 0 for loop in loops])
-    hurwitz = np.array(
-        [not in_right_half(loop.p_A.q) and not in_right_half(loop.p_B.q) for loop in loops]
+    hurwitz = np.array([in_right_half(x.p_A.q) + in_right_half(x.p_B.q) == 0 for x in loops])
+    # An unstable F = 1/(1 − 0.1s), for G = −Gm = −1/(s + 1).
+    one, lag, den = np.ones(1), np.array([1.0, 1.0]), np.array([-0.1, 1.0])
+    p_b = np.polysub(np.convolve(lag, np.polysub(den, one)), lag)
+    by_filter = modes(
+        *(Fraction(*block) for block in ((-one, lag), (one, lag), (one, one), (one, den)))
     )
-    p_b, by_filter = _unstable_filter()
     ill_posed = replace(example(2), filter=LowPassFilter(0.01, 1))
     return Finding(
         every((value < 0) <= (mode < 0) for value, mode in zip(seen, true, strict=True)),
@@ -281,26 +265,33 @@ def what_lemma_1_does_not_see() -> Finding:
                 loop.stability().stable is False for loop in (in_b, in_a)
             ),
             "p_B is Hurwitz under the unstable F": not in_right_half(p_b),
-            "an unstable F brings an unstable mode": by_filter > 0,
+            "an unstable F brings an unstable mode": bool(by_filter.real.max() > 0),
             "the ill-posed loop gets no verdict": ill_posed.stability().stable is None,
         },
     )
 
 
-def _unstable_filter() -> tuple[FloatArray, float]:
-    """p_B and the rightmost mode for F = 1/(1 − 0.1s) and G = −Gm = −1/(s + 1)."""
-    one, lag = np.ones(1), np.array([1.0, 1.0])
-    F = Fraction(one, np.array([-0.1, 1.0]))
-    p_b = np.polysub(np.convolve(lag, np.polysub(F.den, F.num)), lag)
-    found = modes(Fraction(-one, lag), Fraction(one, lag), Fraction(one, one), F)
-    return p_b, float(found.real.max())
+def _condition_ii(loop: NRDOB) -> bool:
+    """Whether all roots of p_B are in the open left half plane."""
+    if loop.delay:
+        return loop.stability().observer_loop.stable is True
+    return bool(rightmost(loop) < -1e-9)
 
 
-def _zeros_of_one_plus(loop: Quotient) -> ComplexArray:
-    """Zeros of 1 + L after everything that cancels in L is gone."""
-    tf = loop.to_tf()
-    zeros = np.roots(np.polyadd(tf.num_array[0, 0], tf.den_array[0, 0]))
-    return zeros.astype(complex)
+def _enough_turns(loop: NRDOB) -> bool:
+    """Whether FH turns around −1 as often as Lemma 1 requires."""
+    return turns_around_minus_one(loop.FH) == -n_p(loop)
+
+
+def _is_pole(loop: NRDOB, root: complex) -> bool:
+    """Whether |H| grows as its argument comes closer to `root`."""
+    far, close = np.abs(loop.H(root + np.array([1e-6j, 1e-9j])))
+    return bool(close > 100 * far > 0)
+
+
+def _poles_and_zeros(loop: NRDOB) -> ComplexArray:
+    """Poles of G and zeros of Gm."""
+    return np.concatenate([loop.G.denominator.roots, loop.Gm.numerator.roots])
 
 
 @SECTION.check("lemma1.H_poles")
@@ -312,20 +303,19 @@ def poles_of_the_mismatch() -> Finding:
     """
     before, after, stay = [], [], []
     for loop in map(example, (1, 2, 3)):
-        roots = poles_and_zeros(loop)
-        gone = [root for root in roots if not is_pole(loop, root)]
+        roots = _poles_and_zeros(loop)
+        gone = [root for root in roots if not _is_pole(loop, root)]
         before.append(roots.size)
         after.append(roots.size - len(gone))
-        stay += [
-            abs(loop.p_B(root)) <= EXACT * np.polyval(loop.p_B.scale, abs(root)) for root in gone
-        ]
+        p_B = loop.p_B
+        stay += [abs(p_B(root)) <= EXACT * np.polyval(p_B.scale, abs(root)) for root in gone]
     loops = random_loops(20) + random_loops(10, delayed=True)
-    poles = [is_pole(loop, root) for loop in loops for root in poles_and_zeros(loop)]
+    poles = [_is_pole(loop, root) for loop in loops for root in _poles_and_zeros(loop)]
     return Finding(
         before == after,
         f"Examples 1 to 3 have {numbers(before)} poles of G and zeros of Gm, of which "
         f"{numbers(after)} are poles of H; in random loops, where nothing is shared, "
-        f"{sum(poles)} of {len(poles)} are",
+        f"{counted(poles)} are",
         conditions={
             "where nothing is shared all are poles of H": every(poles),
             "those that cancel stay roots of p_B": every(stay),
@@ -344,18 +334,18 @@ def turns_that_condition_ii_needs() -> Finding:
     rational = random_loops(80)
     delayed = [loop for loop in random_loops(40, delayed=True) if not any(loop.FH.at_infinity)]
     integrating = NRDOB(1 / _s, 1 / (_s + 0.1), 2.0, LowPassFilter(0.05, 1))
-    agree = [enough_turns(loop) == condition_ii(loop) for loop in [*rational, *delayed]]
+    agree = [_enough_turns(loop) == _condition_ii(loop) for loop in [*rational, *delayed]]
     hidden = NRDOB(1 / _s, 1 / _s, 2.0, LowPassFilter(0.05, 1), keep_factors=True)
     as_one = NRDOB(1 / _s, 1 / _s, 2.0, LowPassFilter(0.05, 1))
     notch = NRDOB(1 / (_s**2 + 1), 1 / (_s + 1) ** 2, 1.0, (_s**2 + 1) / (_s + 1) ** 4)
     G = 4 / (2 - _s - _s**2)
     matched = NRDOB(G, G, -2.0, LowPassFilter(0.05, 2))
-    after = sum(is_pole(matched, root) for root in poles_and_zeros(matched) if root.real > 0)
+    after = sum(_is_pole(matched, root) for root in _poles_and_zeros(matched) if root.real > 0)
     turned = turns_around_minus_one(matched.FH)
-    stable = sum(condition_ii(loop) for loop in [*rational, *delayed])
+    stable = sum(_condition_ii(loop) for loop in [*rational, *delayed])
     return Finding(
-        every(agree) and enough_turns(hidden) == condition_ii(hidden),
-        f"encirclements and roots agree for {sum(agree)} of {len(agree)} random loops, of "
+        every(agree) and _enough_turns(hidden) == _condition_ii(hidden),
+        f"encirclements and roots agree for {counted(agree)} random loops, of "
         f"which {stable} fulfil condition ii; G = Gm = 1/s has "
         f"{turns_around_minus_one(hidden.FH)} encirclements, N_p = {n_p(hidden)} and a root of p_B "
         f"at {number(rightmost(hidden))}; "
@@ -366,15 +356,15 @@ def turns_that_condition_ii_needs() -> Finding:
             "both verdicts occur": 0 < stable < len(agree),
             "there are loops with dead time": len(delayed) > 0,
             "a pole on the axis, passed on its right, is no obstacle": (
-                enough_turns(integrating) and condition_ii(integrating)
+                _enough_turns(integrating) and _condition_ii(integrating)
             ),
-            "G = Gm = 1/s violates condition ii if every factor is kept": not condition_ii(hidden),
-            "built as one it fulfils it": condition_ii(as_one),
+            "G = Gm = 1/s violates condition ii if every factor is kept": not _condition_ii(hidden),
+            "built as one it fulfils it": _condition_ii(as_one),
             "a zero of F on a pole of G on the axis: enough turns, and roots on the axis": (
-                enough_turns(notch) and not condition_ii(notch)
+                _enough_turns(notch) and not _condition_ii(notch)
             ),
-            "the matched unstable plant violates condition ii": not condition_ii(matched),
-            "N_p before cancellation tells": not enough_turns(matched),
+            "the matched unstable plant violates condition ii": not _condition_ii(matched),
+            "N_p before cancellation tells": not _enough_turns(matched),
             "N_p after cancellation does not": turned == -after,
         },
     )

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from itertools import product
 from math import nan
+from typing import Any
 
 import control as ct
 import numpy as np
@@ -18,28 +20,23 @@ from nrdob.plants import resonance
 
 from .ledger import Finding
 from .recurring import section
-from .roots import (
-    critical_gain,
-    in_right_half,
-    n_p,
-    observer,
-    random_loops,
-    rightmost,
-    turns_around_minus_one,
-)
 from .signals import (
     EXACT,
     QUADRUPLES,
     TOLERANCE,
     Values,
+    counted,
+    critical_gain,
     every,
-    fraction,
+    in_right_half,
+    n_p,
     numbers,
-    random_blocks,
+    random_loops,
     random_points,
+    rightmost,
     same,
-    solve,
     turns,
+    turns_around_minus_one,
 )
 
 __all__ = ["SECTION"]
@@ -47,6 +44,11 @@ __all__ = ["SECTION"]
 SECTION = section("mismatch")
 
 _s = ct.tf("s")
+
+
+def _observer(ratio: Any, model: Any, time_constant: float, order: int) -> NRDOB:
+    """Give a loop by its ratio G/Gm; the controller does not matter."""
+    return NRDOB(ratio * model, model, 0.0, LowPassFilter(time_constant, order))
 
 
 @SECTION.check("sec3.rhp_zeros")
@@ -58,13 +60,13 @@ def a_zero_that_no_filter_survives() -> Finding:
     """
     with_zero, without = 1 + 4 * (_s - 1) / (_s - 2), 1 + 4 * (_s + 1) / (_s - 2)
     model = 1 / (_s + 1)
-    tried = [(value, order) for value in np.geomspace(1e-3, 1e3, 21) for order in (1, 2, 3, 4)]
+    tried = list(product(np.geomspace(1e-3, 1e3, 21), (1, 2, 3, 4)))
     counts, parity, saved = [], [], []
     for value, order in tried:
-        loop = observer(with_zero, model, value, order)
+        loop = _observer(with_zero, model, value, order)
         counts.append(in_right_half(loop.p_B.q))
         parity.append(same(1 + loop.FH(1.0), 1) and loop.p_B(1.0).real < 0 < loop.p_B(2.0).real)
-        saved.append(in_right_half(observer(without, model, value, order).p_B.q) == 0)
+        saved.append(in_right_half(_observer(without, model, value, order).p_B.q) == 0)
     return Finding(
         min(counts) > 0 and any(saved) and every(parity),
         f"H = 4(s − 1)/(s − 2): {min(counts)} or more roots in the right half plane for all "
@@ -95,7 +97,7 @@ def zeros_of_the_mismatch() -> Finding:
         not any(meets) and every(agree),
         f"the plot meets +1, or circles through it for ever, in Examples {', '.join(undefined)}; "
         f"in Example 3 N_H = {number(n_h)}, P_H = {p_h}, Z_H = {z_h}; the formula holds for "
-        f"{sum(agree)} of {len(agree)} random loops, {improper} of them with an arc at infinity",
+        f"{counted(agree)} random loops, {improper} of them with an arc at infinity",
         conditions={
             "Z_H = N_H + P_H where the plot does not meet +1": every(agree),
             "some of the plots are closed by an arc": improper > 0,
@@ -122,8 +124,8 @@ def slowing_the_filter_down() -> Finding:
     tried = np.geomspace(1e-2, 1e5, 29)
     model = 1 / (_s + 1)
     cases = [((_s - 1) / (_s + 1), 1), (10 * (1 - 0.01 * _s) / (1 + 0.01 * _s), 3)]
-    turning = [turns_around_minus_one(observer(R, model, 1.0, n).H) for R, n in cases]
-    stable = [sum(rightmost(observer(R, model, value, n)) < 0 for value in tried) for R, n in cases]
+    turning = [turns_around_minus_one(_observer(R, model, 1.0, n).H) for R, n in cases]
+    stable = [sum(rightmost(_observer(R, model, lam, n)) < 0 for lam in tried) for R, n in cases]
     agree, wins = [], 0
     for loop in random_loops(60):
         for order in range(max(1, loop.Gm.denominator.degree - loop.Gm.numerator.degree), 5):
@@ -135,7 +137,7 @@ def slowing_the_filter_down() -> Finding:
         every(count > 0 for count in stable),
         f"(s − 1)/(s + 1), n = 1, and 10(1 − s/100)/(1 + s/100), n = 3: H encircles −1 "
         f"{numbers(turning)} times clockwise, and {numbers(stable)} of {tried.size} λ up to "
-        f"10⁵ s are stable; the rule decides {sum(agree)} of {len(agree)} random cases, {wins} of "
+        f"10⁵ s are stable; the rule decides {counted(agree)} random cases, {wins} of "
         "them stable",
         conditions={
             "the rule decides": every(agree),
@@ -156,9 +158,8 @@ def turns_of_h_alone() -> Finding:
     plant = -(1 - 0.01 * _s) / ((_s - 1) * (_s + 2))
     first = NRDOB(plant, -1 / ((_s + 1) * (_s + 2)), 0.0, LowPassFilter(0.1, 2))
     model = 1 / (_s + 1) ** 3
-    others = [
-        observer(10 * (_s + 1) / (_s - 1), model, lam, 3) for lam in np.geomspace(1e-4, 1e4, 81)
-    ]
+    ratio = 10 * (_s + 1) / (_s - 1)
+    others = [_observer(ratio, model, lam, 3) for lam in np.geomspace(1e-4, 1e4, 81)]
     no_turn, one_turn = _turns_of_h(first, excess=1), _turns_of_h(others[0])
     poles = [n_p(first), n_p(others[0])]
     root = rightmost(first)
@@ -205,15 +206,15 @@ def three_blocks_two_freedoms() -> Finding:
     compared on loops.
     """
     rng = np.random.default_rng(9)
-    blocks = random_blocks(rng)
-    G, Gm, C, F = blocks
+    v = Values.random(rng)
+    G, Gm, C, F = v
     K, V = F / ((1 - F) * Gm), C / ((1 + C * Gm) * (1 - F))
-    other = random_blocks(rng).Gm
+    other = Values.random(rng).Gm
     F_other = K * other / (1 + K * other)
     C_other = V * (1 - F_other) / (1 - V * (1 - F_other) * other)
     replaced = Values(G, other, C_other, F_other)
-    R, d, delta, eta = random_blocks(rng)  # four more random numbers each
-    before, after = (solve(case, R=R, d=d, delta=delta, eta=eta) for case in (blocks, replaced))
+    R, d, delta, eta = Values.random(rng)  # four more random numbers each
+    before, after = (case.solve(R, d, delta, eta) for case in (v, replaced))
     undone = np.isclose(before.y, after.y, rtol=1e-6) & np.isclose(before.u, after.u, rtol=1e-6)
     feedback = same(before.u, V * R - K * (before.y + eta))
     model, s = 1 / (_s + 1), random_points(rng)
@@ -247,16 +248,16 @@ def _normalised(rng: np.random.Generator) -> tuple[Fraction, Fraction]:
     return block(), block()
 
 
-def _normalised_loops(count: int) -> list[NRDOB]:
+def _normalised_loops() -> list[NRDOB]:
     rng = np.random.default_rng(13)
-    pairs = [_normalised(rng) for _ in range(count)]
+    pairs = [_normalised(rng) for _ in range(40)]
     return [NRDOB(G, Gm, 0.0, LowPassFilter(1.0, max(1, Gm.relative_degree))) for G, Gm in pairs]
 
 
 @SECTION.check("sec3.H_zero")
 def equal_gains_at_zero() -> Finding:
     """Draw 40 pairs of one order and gain; take H at s = 0 and follow it towards 0."""
-    loops = _normalised_loops(40)
+    loops = _normalised_loops()
     small = np.array([np.abs(loop.H(1j * np.array([1e-3, 1e-6]))) for loop in loops])
     at_zero = [abs(loop.H.dc_gain) < EXACT for loop in loops]
     shrinks = small[:, 1] < 2e-3 * small[:, 0]
@@ -275,8 +276,8 @@ def ratio_at_high_frequency() -> Finding:
     Then scale the model's leading coefficient so that M = 1, and follow H.
     """
     right, vanish = [], []
-    for loop in _normalised_loops(40):
-        G, Gm = fraction(loop.G), fraction(loop.Gm)
+    for loop in _normalised_loops():
+        G, Gm, *_ = loop.fractions
         M = G.num[0] * Gm.den[0] / (Gm.num[0] * G.den[0])
         right.append(abs(loop.ratio(1e9j) / M - 1) < 1e-6 and same(loop.ratio.at_infinity[0], M))
         den = np.append(Gm.den[0] / M, Gm.den[1:])
@@ -284,8 +285,8 @@ def ratio_at_high_frequency() -> Finding:
         vanish.append(abs(equal.H(1e9j)) < 1e-6)
     return Finding(
         every(right) and every(vanish),
-        f"the limit is M for {sum(right)} of {len(right)} random pairs, and H(∞) = 0 for "
-        f"{sum(vanish)} of {len(vanish)} with M = 1",
+        f"the limit is M for {counted(right)} random pairs, and H(∞) = 0 for {counted(vanish)} "
+        "with M = 1",
         "1e-6 at ω = 10⁹ rad/s",
     )
 
@@ -310,13 +311,13 @@ def plots_of_small_mismatches() -> Finding:
     )
     ends = (0.99 * low, 1.01 * low, 0.99 * high, 1.01 * high)
     exchanged, left = _exchanged()
-    small = list(_small_mismatches(8))
+    small = list(_small_mismatches())
     return Finding(
         real.min() >= 0 and not any(left),
         f"resonance 10 % off: Re H from {number(real.min(), 4)} to {number(real.max(), 4)}, "
-        f"unstable for λ from {number(low, 4)} to {number(high, 4)} s; {sum(left)} of {len(left)} "
+        f"unstable for λ from {number(low, 4)} to {number(high, 4)} s; {counted(left)} "
         "random pairs within 1 % leave the right half plane in one order or the other; "
-        f"{sum(small)} of {len(small)} loops with |H| < 0.96 are stable",
+        f"{counted(small)} loops with |H| < 0.96 are stable",
         conditions={
             "exchanging G and Gm changes the side of H": every(exchanged),
             "in one order or the other H leaves the right half plane": every(left),
@@ -336,32 +337,25 @@ def _exchanged() -> tuple[list[bool], list[bool]]:
     for _ in range(40):
         G, _ = _normalised(rng)
         near = Fraction(*(part * rng.uniform(0.99, 1.01, part.size) for part in G))
-        loops = [
-            NRDOB(*pair, 0.0, LowPassFilter(1.0, max(1, G.relative_degree)))
-            for pair in ((G, near), (near, G))
-        ]
-        one, other = (loop.H(s).real for loop in loops)
+        F = LowPassFilter(1.0, max(1, G.relative_degree))
+        one, other = (NRDOB(*pair, 0.0, F).H(s).real for pair in ((G, near), (near, G)))
         opposite.append(every(other[one > 0] < 0) if (one > 0).any() else every(one <= 0))
         left.append(bool(min(one.min(), other.min()) < 0))
     return opposite, left
 
 
-def _small_mismatches(count: int) -> Iterator[bool]:
-    """Random loops with D and Nm Hurwitz and |H| < 0.96; whether each is stable."""
+def _small_mismatches() -> Iterator[bool]:
+    """Whether random loops with D and Nm Hurwitz and |H| < 0.96 are stable."""
     rng = np.random.default_rng(19)
     grid = 1j * np.append(0.0, np.geomspace(1e-3, 1e4, 401))
-    for _ in range(count):
-        pole = -rng.uniform(0.2, 5, 3)
-        den = np.poly(pole)
+    for _ in range(8):
+        den = np.poly(-rng.uniform(0.2, 5, 3))
         num = rng.normal(size=3 + int(rng.integers(0, 2)))
         num = num * 0.95 / np.abs(np.polyval(num, grid) / np.polyval(den, grid)).max()
         process = np.polyadd(den, num), np.convolve(den, [1.0, 1.0])
-        model = [1.0], [1.0, 1.0]
-        for order in (1, 2, 3, 4):
-            for value in np.geomspace(1e-2, 1e2, 5):
-                loop = NRDOB(process, model, 0.0, LowPassFilter(value, order))
-                bounded = bool(np.abs(loop.H(grid)).max() < 0.96)
-                yield bounded and rightmost(loop) < 0
+        for order, value in product((1, 2, 3, 4), np.geomspace(1e-2, 1e2, 5)):
+            loop = NRDOB(process, ([1.0], [1.0, 1.0]), 0.0, LowPassFilter(value, order))
+            yield bool(np.abs(loop.H(grid)).max() < 0.96) and rightmost(loop) < 0
 
 
 @SECTION.check("sec3.any_bandwidth")
@@ -373,11 +367,11 @@ def right_half_plane_mismatch() -> Finding:
     """
     model = 1 / (_s + 1)
     hump, step = 10 * _s / ((_s + 0.01) * (_s + 1)), 49 * _s / (_s + 1)
-    second = [observer(1 + hump, model, value, 2) for value in (1e-3, 1.0, 1e3)]
-    third = [observer(1 + step, model, value, 3) for value in (0.1, 10.0)]
+    second = [_observer(1 + hump, model, value, 2) for value in (1e-3, 1.0, 1e3)]
+    third = [_observer(1 + step, model, value, 3) for value in (0.1, 10.0)]
 
     def at_border(value: float) -> float:
-        return rightmost(observer(1 + step, model, value, 3))
+        return rightmost(_observer(1 + step, model, value, 3))
 
     border = float(brentq(at_border, 0.1, 10.0))
     within = [_in_the_right(loop) for loop in (second[0], third[0])]
@@ -386,13 +380,13 @@ def right_half_plane_mismatch() -> Finding:
         _in_the_right(loop) and rightmost(loop) < 0
         for H in _positive_real(12)
         for value in np.geomspace(1e-3, 1e3, 9)
-        if (loop := observer(1 + H, model, value, 1))
+        if (loop := _observer(1 + H, model, value, 1))
     ]
     return Finding(
         every(root < 0 for root in roots) and every(rightmost(loop) < 0 for loop in third),
         f"H = 10s/((s + 0.01)(s + 1)), n = 2: rightmost root {number(roots[1], 4)} for λ = 1 s; "
         f"H = 49s/(s + 1), n = 3: stable from λ = {number(border, 5)} s on; n = 1: "
-        f"{sum(first_order)} of {len(first_order)} loops with a random positive real H are stable",
+        f"{counted(first_order)} loops with a random positive real H are stable",
         conditions={
             "both H stay in the right half plane, G and Gm stable and minimum phase": every(within),
             "n = 2 is unstable for λ = 1 s, and neither much faster nor much slower": (
@@ -414,11 +408,8 @@ def _positive_real(count: int) -> Iterator[ct.TransferFunction]:
     rng = np.random.default_rng(23)
     for _ in range(count):
         weights, poles = rng.uniform(0, 10, 3), 10 ** rng.uniform(-2, 2, 3)
-        tops = [
-            _s if high else pole for high, pole in zip(rng.integers(0, 2, 3), poles, strict=True)
-        ]
-        terms = zip(weights, tops, poles, strict=True)
-        yield sum(weight * top / (_s + pole) for weight, top, pole in terms)
+        terms = zip(weights, poles, rng.integers(0, 2, 3), strict=True)
+        yield sum(weight * (_s if high else pole) / (_s + pole) for weight, pole, high in terms)
 
 
 def _in_the_right(loop: NRDOB) -> bool:

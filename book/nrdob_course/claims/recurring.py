@@ -22,8 +22,9 @@ from .ledger import RECURS, Finding, Section
 from .signals import printed_map
 
 __all__ = [
-    "OMEGA", "border", "filtered", "inverse_degree", "map_text", "npz", "npz_text",
-    "performance_finding", "printed_text", "section", "steps_finding", "swings",
+    "OMEGA", "border", "both", "filtered", "inverse_degree", "map_text", "no_turn_finding",
+    "npz", "npz_text", "performance_finding", "printed_text", "section", "steps_finding",
+    "variation_finding",
 ]  # fmt: skip
 
 OMEGA = np.geomspace(1e-3, 1e5, 4001)
@@ -216,7 +217,16 @@ def _function(section: Section, id: str, which: int, printed_as: str) -> None:
         )
 
 
-# Step responses.
+# Encirclements and step responses.
+
+
+def no_turn_finding(loop: NRDOB) -> Finding:
+    """Find whether FH stays inside the unit circle, and does not encircle −1."""
+    part, size = loop.stability().observer_loop, float(np.abs(loop.FH(1j * OMEGA)).max())
+    return Finding(
+        npz(part) == (0, 0, 0) and size < 1,
+        f"{npz_text(part)}; the largest |F·H| is {number(size, 4)}",
+    )
 
 
 def response(loop: NRDOB, input: str) -> tuple[float, float]:
@@ -283,20 +293,42 @@ KINDS: dict[str, Callable[..., None]] = {
 
 def section(name: str) -> Section:
     """Read the texts of a part of the paper, name.toml, and enter the checks that recur in it."""
-    texts = files(__package__).joinpath(f"{name}.toml").read_text(encoding="utf-8")
-    found = Section(tomllib.loads(texts))
+    texts = tomllib.loads(files(__package__).joinpath(f"{name}.toml").read_text("utf-8"))
+    chapter = {"chapter": texts.pop("chapter")}  # of those that name none
+    found = Section({id: chapter | text for id, text in texts.items()})
     for id, text in found.texts.items():
         if recurs := dict(text.get(RECURS, {})):
             KINDS[recurs.pop("kind")](found, id, **recurs)
     return found
 
 
-# What the modified plant costs.
+# The modified plant: how it differs, and what it costs.
+
+
+def both(which: int) -> list[NRDOB]:
+    """Give the loop of an example, and that with the modified plant."""
+    return [example(which, modified) for modified in (False, True)]
+
+
+def variation_finding(
+    which: int, what: str, measure: Callable[[NRDOB], float], factor: float, unit: str = ""
+) -> Finding:
+    """Find whether the plant is modified by a factor on what is measured, and a pole at −10."""
+    before, after = map(measure, both(which))
+    poles = [np.sort(np.roots(loop.G.denominator.q).real) for loop in both(which)]
+    holds = np.isclose(after, factor * before) and np.allclose(
+        poles[1], [-10, *poles[0]], atol=1e-6
+    )
+    return Finding(
+        bool(holds),
+        f"{what} {number(before, 4)} → {number(after, 4)}{unit}; poles "
+        f"{', '.join(number(p, 4) for p in poles[1])}",
+    )
 
 
 def performance_finding(which: int, times: float) -> Finding:
     """Find what the modified plant changes in the responses, and whether Ms grows so many times."""
-    loops = [example(which, modified) for modified in (False, True)]
+    loops = both(which)
     tracking = [response(loop, "R")[1] for loop in loops]
     rejection = [response(loop, "d")[0] for loop in loops]
     peak = [loop.margins().plant_loop.ms for loop in loops]
@@ -310,10 +342,7 @@ def performance_finding(which: int, times: float) -> Finding:
     }
     return Finding(
         stable and tracks and rejects,
-        "; ".join(
-            f"{name} {number(before, 4)} → {number(after, 4)}"
-            for name, (before, after) in compared.items()
-        ),
+        "; ".join(f"{name} {number(a, 4)} → {number(b, 4)}" for name, (a, b) in compared.items()),
         "kept: within 10 %",
         conditions={
             "both loops are stable, and their responses end where they should": stable,
@@ -322,10 +351,3 @@ def performance_finding(which: int, times: float) -> Finding:
             "the response to d falls below −0.4": rejection[1] < -0.4,
         },
     )
-
-
-def swings(loop: NRDOB, input: str, size: float) -> int:
-    """Count how often y changes sides, each time beyond ±size, after a unit step."""
-    y = loop.step_response(input).outputs[0, 0]
-    sides = np.sign(y[np.abs(y) > size])
-    return int(np.count_nonzero(np.diff(sides)))

@@ -17,9 +17,18 @@ from nrdob.paper import example
 from nrdob.sampling import random_block
 
 from .ledger import Finding
-from .recurring import section
-from .roots import critical_gain, in_right_half
-from .signals import every, fraction, loop_modes, modes, numbers, same
+from .recurring import both, section
+from .signals import (
+    counted,
+    critical_gain,
+    every,
+    in_right_half,
+    is_stable,
+    loop_modes,
+    modes,
+    numbers,
+    same,
+)
 
 __all__ = ["SECTION"]
 
@@ -41,7 +50,7 @@ def margins_without_the_process() -> Finding:
     pm = [case.margins().model_loop.pm for case in (loop, lagging)]
     fixed, shaped = [], []
     for which in (2, 3, 4):
-        nominal, modified = example(which), example(which, modified=True)
+        nominal, modified = both(which)
         fixed.append(_equal(nominal.margins().model_loop, modified.margins().model_loop))
         scaled = [replace(nominal, controller=k * nominal.controller) for k in (0.5, 1.0, 2.0)]
         plant = [case.margins().plant_loop for case in scaled]
@@ -56,7 +65,7 @@ def margins_without_the_process() -> Finding:
         f"{number(verdict.observer_loop.rightmost.real, 4)} ± "
         f"{number(abs(verdict.observer_loop.rightmost.imag), 4)}j",
         conditions={
-            "Example 3 is stable": loop.stability().stable is True,
+            "Example 3 is stable": is_stable(loop),
             "with the lag it is not": verdict.stable is False,
             "the phase margin of C Gm stays what it was": pm[0] == pm[1],
             "margins of C Gm are free of G, those of L of C": every(fixed),
@@ -77,36 +86,31 @@ def margins_of_the_mismatch() -> Finding:
     the range of FH it should be stable, were this the range of the process.
     """
     texts: list[str] = []
-    as_claimed: list[bool] = []
-    as_amended: list[bool] = []
-    for which in (2, 3, 4):
-        loop = example(which)
+    inside: dict[str, list[bool]] = {"FH": [], "L": []}
+    outside: list[bool] = []
+    for loop in map(example, (2, 3, 4)):
         margins = loop.margins()
-        observer_loop, plant_loop = margins.observer_loop, margins.plant_loop
-        texts.append(
-            f"{number(observer_loop.gm_low, 4)} to {number(observer_loop.gm_high, 5)} against "
-            f"{number(plant_loop.gm_low, 4)} to {number(plant_loop.gm_high, 5)}"
-        )
-        for low, high, judged in (
-            (observer_loop.gm_low, observer_loop.gm_high, as_claimed),
-            (plant_loop.gm_low, plant_loop.gm_high, as_amended),
-        ):
-            judged += [_with_gain(loop, low * 1.001)] if low else []
-            judged += [_with_gain(loop, high * 0.999)] if high < inf else []
-            # Only the true range may, and must, end there.
-            if judged is as_amended:
-                judged += [not _with_gain(loop, low * 0.999)] if low else []
-                judged += [not _with_gain(loop, high * 1.001)] if high < inf else []
+        ranges = {"FH": margins.observer_loop, "L": margins.plant_loop}
+        said = (f"{number(m.gm_low, 4)} to {number(m.gm_high, 5)}" for m in ranges.values())
+        texts.append(" against ".join(said))
+        for name, range_ in ranges.items():
+            ends = [(range_.gm_low, 1.001)] if range_.gm_low else []
+            ends += [(range_.gm_high, 0.999)] if range_.gm_high < inf else []
+            inside[name] += [_with_gain(loop, end * inwards) for end, inwards in ends]
+            if name == "L":  # only the true range may, and must, end there
+                outside += [_with_gain(loop, end * (2 - inwards)) for end, inwards in ends]
     return Finding(
-        every(as_claimed),
+        every(inside["FH"]),
         f"gain factors that FH and the process allow in Examples 2 to 4: {'; '.join(texts)}",
-        conditions={"the range of L is that of the process": every(as_amended)},
+        conditions={
+            "the range of L is that of the process": every(inside["L"]) and not any(outside)
+        },
     )
 
 
 def _with_gain(loop: NRDOB, gain: float) -> bool:
     """Whether the loop is stable with so many times the process."""
-    return replace(loop, process=gain * loop.process).stability().stable is True
+    return is_stable(replace(loop, process=gain * loop.process))
 
 
 # Corollary 1.
@@ -132,7 +136,7 @@ def perfect_models() -> Finding:
         factored.append(same(loop.p_B.q, np.convolve(np.convolve(num, den), F.den)))
     return Finding(
         every(stable) and every(factored),
-        f"{sum(stable)} of {len(stable)} random loops that fulfil the conditions are stable; "
+        f"{counted(stable)} random loops that fulfil the conditions are stable; "
         f"p_B = N D Df in {sum(factored)}",
         "p_B: 1e-8 relative",
     )
@@ -145,7 +149,7 @@ def each_condition_dropped() -> Finding:
     The rest of the conditions is checked in each case. An integrator and a zero at s = 0 stand for
     poles and zeros on the axis.
     """
-    one, F = np.ones(1), fraction(NRDOB(1.0, 1.0, 0.0, LowPassFilter(0.1, 1)).F)
+    one, F = np.ones(1), Fraction(np.ones(1), np.array([0.1, 1.0]))
     zero, poles = np.array([1.0, 3.0]), np.array([1.0, 3.0, 2.0])
     G, C = Fraction(zero, poles), Fraction(one, np.array([1.0, 0.0]))
     half, gain = Fraction(0.5 * one, one), Fraction(4 * one, one)
@@ -198,15 +202,14 @@ def margins_of_a_perfect_model() -> Finding:
         margins = [loop.margins().plant_loop for loop in loops]
         limits.append(margins[0].gm_high)
         phases.append(margins[0].pm)
-        same_margins += [
-            same([found.pm, found.gm_high], [phases[-1], limits[-1]], 1e-6) for found in margins
-        ]
+        of_order = [phases[-1], limits[-1]]
+        same_margins += [same([found.pm, found.gm_high], of_order, 1e-6) for found in margins]
         limit = critical_gain(order)
         for loop in loops[::2]:
             ends += [_with_gain(loop, k) for k in (1e-3, 0.999 * min(limit, 1e4))]
             ends.append(not _with_gain(loop, -0.1))
             ends += [not _with_gain(loop, 1.001 * limit)] if limit < inf else []
-    gains = [critical_gain(order) for order in range(1, 7)]
+    gains = [*map(critical_gain, range(1, 7))]
     pm = first.margins().model_loop
     return Finding(
         # C Gm of Example 1 has an infinite gain margin: were it that of the loop, so had this.
@@ -217,8 +220,6 @@ def margins_of_a_perfect_model() -> Finding:
             "the margins of L depend on n alone": every(same_margins),
             "the process may grow up to M_n and no further": every(ends),
             "the upper gain margin of L is M_n": same(limits, gains, 1e-6),
-            "the closed form of M_n agrees": same(
-                [gain_bound(order) for order in range(1, 7)], gains, 1e-9
-            ),
+            "the closed form of M_n agrees": same([*map(gain_bound, range(1, 7))], gains, 1e-9),
         },
     )

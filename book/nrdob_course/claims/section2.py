@@ -11,7 +11,7 @@ from scipy.optimize import brentq
 
 from nrdob.diagram import LowPassFilter, rational_power
 from nrdob.loop import NRDOB
-from nrdob.numerics import ComplexArray, FloatArray, number
+from nrdob.numerics import FloatArray, number
 from nrdob.paper import example
 from nrdob.sampling import random_block
 
@@ -28,17 +28,13 @@ from .signals import (
     TO_OUTPUT,
     TOLERANCE,
     Values,
-    blocks_of,
+    counted,
     every,
-    from_diagram,
     is_refused,
     many_loops,
-    matched_blocks,
     numbers,
-    random_blocks,
     random_points,
     same,
-    solve,
 )
 
 __all__ = ["SECTION"]
@@ -55,9 +51,8 @@ def _noise_powers(loop: NRDOB, time_constant: float) -> FloatArray:
         np.polyadd(np.convolve(alone[0], F.den), reduce(np.convolve, (model.den, C.den, F.num))),
         np.convolve(alone[1], F.den),
     )
-    return np.array(
-        [matched.S_eta.noise_power(), rational_power(*conventional), rational_power(*alone)]
-    )
+    others = [rational_power(*each) for each in (conventional, alone)]
+    return np.array([matched.S_eta.noise_power(), *others])
 
 
 @SECTION.check("sec1.dob_noise")
@@ -70,15 +65,12 @@ def conventional_observer_and_noise() -> Finding:
     loop = example(1)
     nr, conventional, alone = _noise_powers(loop, loop.filter.time_constant)
 
-    def gain_over_c(time_constant: float) -> float:
-        powers = _noise_powers(loop, time_constant)
-        return float(powers[0] - powers[2])
-
-    equal = float(brentq(gain_over_c, 0.01, 20.0))
+    equal = float(brentq(lambda lam: _noise_powers(loop, lam) @ [1, 0, -1], 0.01, 20.0))
     tried = np.geomspace(0.01, 20, 15)
     powers = np.array([_noise_powers(loop, value) for value in tried])
-    matched = matched_blocks(random_blocks(np.random.default_rng(1)))
+    matched = Values.random(1).matched
     tracking = matched.CGm / (1 + matched.CGm)
+    other = [matched.map(name, conventional=True) for name in ("T_R", "S_eta")]
     return Finding(
         nr < alone,
         f"Example 1, noise power at y: {number(nr, 5)} with the NR-DOB, {number(conventional, 5)} "
@@ -91,13 +83,10 @@ def conventional_observer_and_noise() -> Finding:
                 (powers[:, 0] < alone) == (tried > equal)
             ),
             "the conventional observer passes more than C alone": every(powers[:, 1] > alone),
-            "T_R of the NR-DOB is free of F": same(from_diagram("T_R", matched), tracking),
-            "T_R of the conventional observer is free of F": same(
-                from_diagram("T_R", matched, conventional=True), tracking
-            ),
+            "T_R of the NR-DOB is free of F": same(matched.map("T_R"), tracking),
+            "T_R of the conventional observer is free of F": same(other[0], tracking),
             "S_eta of the conventional observer is -(F + C Gm)/(1 + C Gm)": same(
-                from_diagram("S_eta", matched, conventional=True),
-                -(matched.F + matched.CGm) / (1 + matched.CGm),
+                other[1], -(matched.F + matched.CGm) / (1 + matched.CGm)
             ),
         },
     )
@@ -112,12 +101,8 @@ def one_diagram() -> Finding:
 
     All nine printed formulas are compared with the same three equations.
     """
-    blocks = random_blocks(np.random.default_rng(1))
-    agreeing = [
-        name
-        for name, formula in PRINTED_MAPS.items()
-        if same(formula(blocks), from_diagram(name, blocks))
-    ]
+    v = Values.random(1)
+    agreeing = [name for name, formula in PRINTED_MAPS.items() if same(formula(v), v.map(name))]
     return Finding(
         len(agreeing) == len(PRINTED_MAPS) > 0,
         f"{len(agreeing)} of {len(PRINTED_MAPS)} printed maps are those of the diagram, each for "
@@ -134,8 +119,7 @@ def a_causal_choice_of_the_order() -> Finding:
     must refuse the loop.
     """
     rng = np.random.default_rng(1)
-    right: list[bool] = []
-    possible: list[bool] = []
+    right, possible = [], []
     for _ in range(40):
         model = random_block(rng, 3)
         degree = model.den_array[0, 0].size - model.num_array[0, 0].size
@@ -149,7 +133,7 @@ def a_causal_choice_of_the_order() -> Finding:
     return Finding(
         every(possible) and every(right),
         f"40 random models: a causal choice for {sum(possible)}; exactly from the model's "
-        f"relative degree on in {sum(right)} of {len(right)} pairs of model and order",
+        f"relative degree on in {counted(right)} pairs of model and order",
     )
 
 
@@ -196,9 +180,7 @@ def filter_in_its_pass_band() -> Finding:
         ABOUT,
         conditions={
             "|F| ≥ 1 − ε exactly up to ω_ε, and ω_ε < ω_B": every(exact),
-            "ω_ε is about half of ω_B for ε = 0.1": every(
-                0.45 < value < 0.55 for value in share[NEAR]
-            ),
+            "ω_ε is about half of ω_B for ε = 0.1": every(0.45 < x < 0.55 for x in share[NEAR]),
         },
     )
 
@@ -231,26 +213,17 @@ def output_is_the_sum_of_four() -> Finding:
     On loops the sum is made of the package's maps, with and without dead time.
     """
     rng = np.random.default_rng(3)
-
-    def inputs(count: int) -> ComplexArray:
-        parts = rng.normal(size=(2, 4, count))
-        return np.asarray(parts[0] + 1j * parts[1])
-
-    def output(blocks: Values, given: ComplexArray) -> ComplexArray:
-        R, d, delta, eta = given
-        return solve(blocks, R=R, d=d, delta=delta, eta=eta).y
-
-    blocks, given = random_blocks(rng), inputs(QUADRUPLES)
-    total = sum(PRINTED_MAPS[name](blocks) * x for name, x in zip(TO_OUTPUT, given, strict=True))
-    agree = np.isclose(output(blocks, given), total, rtol=EXACT, atol=0)
+    v, given = Values.random(rng), Values.random(rng)  # four random numbers each
+    total = sum(PRINTED_MAPS[name](v) * x for name, x in zip(TO_OUTPUT, given, strict=True))
+    agree = np.isclose(v.solve(*given).y, total, rtol=EXACT, atol=0)
     by_package = []
     for loop in many_loops():
-        s, given = random_points(rng), inputs(4)
+        s, given = random_points(rng), Values.random(rng, 4)
         total = sum(getattr(loop, name)(s) * x for name, x in zip(TO_OUTPUT, given, strict=True))
-        by_package.append(same(output(blocks_of(loop, s), given), total))
+        by_package.append(same(Values.of(loop, s).solve(*given).y, total))
     return Finding(
         every(agree) and every(by_package),
         f"{agree.sum()} of {QUADRUPLES} random values of blocks and inputs agree, and "
-        f"{sum(by_package)} of {len(by_package)} loops",
+        f"{counted(by_package)} loops",
         TOLERANCE,
     )

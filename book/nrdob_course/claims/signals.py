@@ -10,10 +10,12 @@ eigenvalues know nothing of p_A, p_B or any encirclement.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
+from math import inf
 from typing import Any, NamedTuple
 
 import numpy as np
 from scipy.linalg import block_diag
+from scipy.optimize import brentq
 
 from nrdob import paper
 from nrdob.diagram import Fraction, Quotient
@@ -25,9 +27,9 @@ from .ledger import Finding
 
 __all__ = [
     "ABOUT", "EXACT", "NEAR", "ORDERS", "PRINTED_MAPS", "QUADRUPLES", "STOPPED", "TOLERANCE",
-    "TO_OUTPUT", "Values", "blocks_of", "equations", "every", "fraction", "from_diagram",
-    "is_refused", "loop_modes", "many_loops", "matched_blocks", "modes", "numbers", "printed_map",
-    "random_blocks", "random_points", "same", "solve", "turns",
+    "TO_OUTPUT", "Values", "counted", "critical_gain", "every", "in_right_half", "is_refused",
+    "is_stable", "loop_modes", "many_loops", "modes", "n_p", "numbers", "printed_map",
+    "random_loops", "random_points", "rightmost", "same", "turns", "turns_around_minus_one",
 ]  # fmt: skip
 
 EXACT = 1e-8
@@ -52,13 +54,50 @@ QUADRUPLES = 100
 """How many random values of the four blocks a formula is tried on."""
 
 
+MAPS = {
+    "T_R": ("R", "y"), "S_d": ("d", "y"), "S_delta": ("delta", "y"), "S_eta": ("eta", "y"),
+    "E_R": ("R", "e"), "U_R": ("R", "u"), "U_d": ("d", "u"), "U_eta": ("eta", "u"),
+}  # fmt: skip
+"""Input and output of each map; that of δ to the plant input, U_delta, is u + δ.
+
+:meta hide-value:
+"""
+
+TO_OUTPUT = tuple(name for name, (_, signal) in MAPS.items() if signal == "y")
+"""The maps of eq. (4), to y."""
+
+
+class Signals(NamedTuple):
+    """Error, controller output and process output."""
+
+    e: ComplexArray
+    u: ComplexArray
+    y: ComplexArray
+
+
 class Values(NamedTuple):
-    """The four blocks at some points s, as arrays of complex numbers."""
+    """The four blocks at some points s, as arrays of complex numbers, and the diagram solved."""
 
     G: ComplexArray
     Gm: ComplexArray
     C: ComplexArray
     F: ComplexArray
+
+    @classmethod
+    def random(cls, rng: np.random.Generator | int, count: int = QUADRUPLES) -> Values:
+        """Draw complex numbers for the four blocks, around 1 in size."""
+        parts = np.random.default_rng(rng).normal(size=(2, len(cls._fields), count))
+        return cls(*(parts[0] + 1j * parts[1]))
+
+    @classmethod
+    def of(cls, loop: NRDOB, s: ComplexArray) -> Values:
+        """Evaluate the blocks of a loop."""
+        return cls(loop.G(s), loop.Gm(s), loop.C(s), loop.F(s))
+
+    @property
+    def matched(self) -> Values:
+        """The same blocks with a perfect model."""
+        return self._replace(G=self.Gm)
 
     @property
     def H(self) -> ComplexArray:
@@ -80,65 +119,36 @@ class Values(NamedTuple):
         """First form of B in Lemma 1, Gm + F (G - Gm)."""
         return self.Gm + self.F * (self.G - self.Gm)
 
+    def equations(self, *, conventional: bool = False) -> ComplexArray:
+        """Matrix of the diagram's equations for (e, u, y), one for each point, shape (..., 3, 3).
 
-class Signals(NamedTuple):
-    """Error, controller output and process output."""
+        Under the conventional observer the measurement, not its filtered estimate, is compared
+        with R.
+        """
+        G, Gm, C, F = self
+        one, zero = np.ones_like(G), np.zeros_like(G)
+        measured = [one, zero, one] if conventional else [one, (1 - F) * Gm, F]
+        rows = [measured, [-C, 1 - F, F / Gm], [zero, -G, one]]
+        return np.moveaxis(np.array(rows), (0, 1), (-2, -1))
 
-    e: ComplexArray
-    u: ComplexArray
-    y: ComplexArray
+    def solve(
+        self, R: Any = 0, d: Any = 0, delta: Any = 0, eta: Any = 0, *, conventional: bool = False
+    ) -> Signals:
+        """Solve the diagram for given inputs, numbers or arrays of the shape of the blocks."""
+        G, Gm, _, F = self
+        compared = eta if conventional else F * eta
+        inputs = np.broadcast_arrays(R - compared + 0 * G, -F / Gm * eta, G * delta + d)
+        right = np.stack(inputs, axis=-1)[..., None]
+        found = np.linalg.solve(self.equations(conventional=conventional), right)[..., 0]
+        return Signals(*np.moveaxis(found, -1, 0))
 
-
-def equations(blocks: Values, *, conventional: bool = False) -> ComplexArray:
-    """Matrix of the diagram's equations for (e, u, y), one for each point, shape (..., 3, 3).
-
-    Under the conventional observer the measurement, not its filtered estimate, is compared with R.
-    """
-    G, Gm, C, F = blocks
-    one, zero = np.ones_like(G), np.zeros_like(G)
-    measured = [one, zero, one] if conventional else [one, (1 - F) * Gm, F]
-    rows = [measured, [-C, 1 - F, F / Gm], [zero, -G, one]]
-    return np.moveaxis(np.array(rows), (0, 1), (-2, -1))
-
-
-def solve(
-    blocks: Values,
-    *,
-    R: Any = 0.0,
-    d: Any = 0.0,
-    delta: Any = 0.0,
-    eta: Any = 0.0,
-    conventional: bool = False,
-) -> Signals:
-    """Solve the diagram for given inputs, numbers or arrays of the shape of the blocks."""
-    G, Gm, _, F = blocks
-    compared = eta if conventional else F * eta
-    inputs = np.broadcast_arrays(R - compared + 0 * G, -F / Gm * eta, G * delta + d)
-    right = np.stack(inputs, axis=-1)[..., None]
-    found = np.linalg.solve(equations(blocks, conventional=conventional), right)[..., 0]
-    return Signals(*np.moveaxis(found, -1, 0))
-
-
-MAPS = {
-    "T_R": ("R", "y"), "S_d": ("d", "y"), "S_delta": ("delta", "y"), "S_eta": ("eta", "y"),
-    "E_R": ("R", "e"), "U_R": ("R", "u"), "U_d": ("d", "u"), "U_eta": ("eta", "u"),
-}  # fmt: skip
-"""Input and output of each map; that of δ to the plant input, U_delta, is u + δ.
-
-:meta hide-value:
-"""
-
-TO_OUTPUT = tuple(name for name, (_, signal) in MAPS.items() if signal == "y")
-"""The maps of eq. (4), to y."""
-
-
-def from_diagram(name: str, blocks: Values, *, conventional: bool = False) -> ComplexArray:
-    """Value of one closed-loop map, by a unit input at one place and nothing elsewhere."""
-    if name == "U_delta":
-        return solve(blocks, delta=1.0, conventional=conventional).u + 1.0
-    source, signal = MAPS[name]
-    found: ComplexArray = getattr(solve(blocks, **{source: 1.0}, conventional=conventional), signal)
-    return found
+    def map(self, name: str, *, conventional: bool = False) -> ComplexArray:
+        """Value of one closed-loop map, by a unit input at one place and nothing elsewhere."""
+        if name == "U_delta":
+            return self.solve(delta=1.0, conventional=conventional).u + 1.0
+        source, signal = MAPS[name]
+        found = self.solve(**{source: 1.0}, conventional=conventional)
+        return np.asarray(getattr(found, signal))
 
 
 PRINTED_MAPS: dict[str, Callable[[Values], ComplexArray]] = {
@@ -158,26 +168,10 @@ PRINTED_MAPS: dict[str, Callable[[Values], ComplexArray]] = {
 """
 
 
-def random_blocks(rng: np.random.Generator, count: int = QUADRUPLES) -> Values:
-    """Draw complex numbers for the four blocks, around 1 in size."""
-    parts = rng.normal(size=(2, len(Values._fields), count))
-    return Values(*(parts[0] + 1j * parts[1]))
-
-
-def matched_blocks(blocks: Values) -> Values:
-    """Give the same blocks with a perfect model."""
-    return blocks._replace(G=blocks.Gm)
-
-
 def random_points(rng: np.random.Generator) -> ComplexArray:
     """Draw points of the right half plane, where a dead time makes nothing large."""
     points: ComplexArray = rng.uniform(0.1, 3, 4) + 1j * rng.uniform(-10, 10, 4)
     return points
-
-
-def blocks_of(loop: NRDOB, s: ComplexArray) -> Values:
-    """Evaluate the blocks of a loop."""
-    return Values(loop.G(s), loop.Gm(s), loop.C(s), loop.F(s))
 
 
 def many_loops() -> list[NRDOB]:
@@ -203,11 +197,6 @@ def every(outcomes: Iterable[Any]) -> bool:
     return all(found)
 
 
-def fraction(quotient: Quotient) -> Fraction:
-    """Numerator and denominator of a block of a loop without dead time, nothing cancelled."""
-    return Fraction(quotient.numerator.q, quotient.denominator.q)
-
-
 def loop_modes(loop: NRDOB) -> ComplexArray:
     """Modes of a loop without dead time.
 
@@ -221,7 +210,7 @@ def loop_modes(loop: NRDOB) -> ComplexArray:
     array of complex
         Eigenvalues of the whole diagram, every block realised by itself, in rad/s.
     """
-    return modes(*(fraction(block) for block in (loop.G, loop.Gm, loop.C, loop.F)))
+    return modes(*loop.fractions)
 
 
 def numbers(values: Iterable[Any]) -> str:
@@ -281,22 +270,67 @@ def turns(values_at: Callable[[ComplexArray], ComplexArray], excess: int = 0) ->
     raise ArithmeticError("the curve turns faster than it can be followed")
 
 
+def rightmost(loop: NRDOB) -> float:
+    """Largest real part of the roots of p_B, for a loop without dead time."""
+    return float(np.roots(loop.p_B.q).real.max())
+
+
+def in_right_half(coefficients: FloatArray) -> int:
+    """Roots of a polynomial with positive real part."""
+    return int(np.sum(np.roots(coefficients).real > 0))
+
+
+def critical_gain(order: int) -> float:
+    """M_n, the gain factor at which F/(1 − F) is lost, by the roots of (s + 1)^n − 1 + k."""
+
+    def rightmost_root(gain: float) -> float:
+        coefficients = np.poly(-np.ones(order))
+        coefficients[-1] += gain - 1
+        return float(np.roots(coefficients).real.max())
+
+    return inf if rightmost_root(1e3) < 0 else float(brentq(rightmost_root, 1.0, 1e3))
+
+
+def random_loops(count: int, *, delayed: bool = False) -> list[NRDOB]:
+    """Draw loops, always the same ones."""
+    rng = np.random.default_rng(11)
+    return [random_loop(rng, delayed=delayed) for _ in range(count)]
+
+
+def n_p(loop: NRDOB) -> int:
+    """Right half plane poles of G and zeros of Gm, before cancellation."""
+    return in_right_half(loop.G.denominator.q) + in_right_half(loop.Gm.numerator.q)
+
+
+def turns_around_minus_one(open_loop: Quotient, excess: int = 0) -> int:
+    """Clockwise turns, followed point by point."""
+    return turns(lambda s: 1 + open_loop(s), excess)
+
+
+def is_stable(loop: NRDOB) -> bool:
+    """Whether a loop is known to be internally stable."""
+    return loop.stability().stable is True
+
+
+def counted(outcomes: Iterable[Any]) -> str:
+    """Write how many outcomes are true: "3 of 4"."""
+    found = [bool(outcome) for outcome in outcomes]
+    return f"{sum(found)} of {len(found)}"
+
+
 def printed_map(name: str) -> Finding:
     """Find whether a map is the printed one, in the diagram and in the package."""
     rng = np.random.default_rng(4)
-    blocks = random_blocks(rng)
-    by_formula = np.isclose(
-        PRINTED_MAPS[name](blocks), from_diagram(name, blocks), rtol=EXACT, atol=0
-    )
-    loops = many_loops()
+    v = Values.random(rng)
+    printed = PRINTED_MAPS[name](v)
+    by_formula = np.isclose(printed, v.map(name), rtol=EXACT, atol=0)
     by_package = []
-    for loop in loops:
+    for loop in many_loops():
         s = random_points(rng)
-        by_package.append(same(getattr(loop, name)(s), from_diagram(name, blocks_of(loop, s))))
+        by_package.append(same(getattr(loop, name)(s), Values.of(loop, s).map(name)))
     return Finding(
         every(by_formula) and every(by_package),
         f"the printed formula agrees with the diagram for {by_formula.sum()} of {QUADRUPLES} "
-        f"random values of the four blocks, the package's map for {sum(by_package)} of "
-        f"{len(loops)} loops",
+        f"random values of the four blocks, the package's map for {counted(by_package)} loops",
         TOLERANCE,
     )

@@ -1,9 +1,15 @@
 """Grade one submission with nbgrader, in a process of its own.
 
-    python -m nrdob_course.grading.autograde COURSE STUDENT SET
+    python -P -m nrdob_course.grading.autograde COURSE STUDENT SET
 
 COURSE is a folder in nbgrader's layout that this process has for itself. What came out is written
 to ``COURSE/result.json``; the marked notebook and the feedback lie where nbgrader puts them.
+
+Without arguments it has read its libraries, and grades one submission after the other in a fork of
+itself. It takes an order in each line of its input, ``{"root": …, "student": …, "set": …,
+"source": …}``, and answers each with the exit code. Reading the libraries takes longer than
+grading, and so does drawing the cases of the hidden tests, which are everybody's: it draws them
+before the fork.
 """
 
 from __future__ import annotations
@@ -11,14 +17,17 @@ from __future__ import annotations
 import json
 import os
 import shutil
+import subprocess
 import sys
 import time
+import traceback
 import warnings
 from copy import deepcopy
 from math import ceil
 from pathlib import Path
 from typing import Any
 
+import nbformat
 from jupyter_client.kernelspec import KernelSpec
 from jupyter_core.utils import run_sync
 from nbclient.exceptions import DeadKernelError
@@ -31,24 +40,20 @@ from traitlets.config.loader import PyFileConfigLoader
 
 from .. import exercises
 from . import disk, encoding, sandbox
-from .children import Child, end
+from .children import Child, Provisioner, end, serve
 from .feedback import offline
-from .forkserver import Provisioner
 from .handout import handout, own_cases
 from .judge import HiddenTest, Stopped, hidden_test, judge_apart
 from .submissions import group_of
 
-__all__ = [
-    "FORK_SERVERS", "KERNEL", "SETTINGS", "PatientExecute", "course", "is_test", "main",
-    "write_feedback",
-]  # fmt: skip
+__all__ = ["SETTINGS", "PatientExecute", "course", "is_sound", "write_feedback"]
 
 # What nbgrader does with its own database is not for those who grade.
 warnings.filterwarnings("ignore", module="nbgrader")
 
 SETTINGS = "nbgrader_config.py"
 
-KERNEL = f"{__package__}.kernel"
+KERNEL, WORKER = f"{__package__}.kernel", f"{__package__}.autograde"
 
 NOT_MARKED = "Not marked yet: its points are still to come."
 
@@ -155,9 +160,8 @@ class PatientExecute(Execute):  # type: ignore[misc]
         command = [sys.executable, "-P", "-m", KERNEL, str(connection), str(self.workdir)]
         manager._kernel_spec = KernelSpec(argv=command, language="python", display_name="sandboxed")
         if FORK_SERVERS:
-            manager.provisioner = Provisioner(
-                kernel_id="", kernel_spec=manager._kernel_spec, parent=manager
-            )
+            spec = manager._kernel_spec
+            manager.provisioner = Provisioner(kernel_id="", kernel_spec=spec, parent=manager)
             manager.provisioner.server = FORK_SERVERS[-1]
         self.km = manager
         return manager
@@ -193,7 +197,7 @@ class PatientExecute(Execute):  # type: ignore[misc]
             self.execute_cell(new_code_cell(f"{add}({wanted[0]!r}, {cases!r})"), index)
             self.run_cell(cell, resources, index)
         if any(out.get("ename") == TOO_SLOW for out in cell.get("outputs", [])):
-            REMARKS.append(f"{name_of(cell)} {too_slow(self.timeout)}")
+            REMARKS.append(f"{name_of(cell)} {slow(self.timeout)['evalue']}")
         return cell, resources
 
     def run_cell(self, cell: Any, resources: Any, index: int) -> None:
@@ -247,8 +251,9 @@ class PatientExecute(Execute):  # type: ignore[misc]
             GROUPS.append(group)
             data = {"text/plain": repr(points), "text/html": points._repr_html_()}
             return new_output("execute_result", data=data)
-        REMARKS.append(f"{name_of(cell)} {too_slow(self.timeout)}")
-        return failure(TOO_SLOW, too_slow(self.timeout))
+        text = slow(self.timeout)["evalue"]
+        REMARKS.append(f"{name_of(cell)} {text}")
+        return failure(TOO_SLOW, text)
 
     def process_message(self, msg: Any, cell: Any, cell_index: int) -> Any:
         """Take what the kernel says, unless it is of another cell, or the cell has said enough."""
@@ -259,8 +264,8 @@ class PatientExecute(Execute):  # type: ignore[misc]
         is_answer = encoding.MIME in content.get("data", ())
         self.size += len(str(content))
         if self.size > (encoding.LONGEST + 1000 if is_answer else self.most_output):
-            cut = f"the outputs of {name_of(cell)} were cut: more than {self.most_output} letters"
-            REMARKS.append(cut)
+            told = f"were cut: more than {self.most_output} letters"
+            REMARKS.append(f"the outputs of {name_of(cell)} {told}")
             return None
         return super().process_message(msg, cell, cell_index)
 
@@ -280,14 +285,9 @@ PATIENCE = 1.5
 """How much longer the clock of the grading waits than the student was told."""
 
 
-def too_slow(seconds: float) -> str:
-    """Say in plain words that something took too long."""
-    return f"took longer than the {seconds:g} s that the set allows"
-
-
 def slow(seconds: float) -> dict[str, Any]:
-    """Make what nbclient is to reply for a cell that took too long."""
-    text = too_slow(seconds)
+    """Make what nbclient is to reply for a cell that took too long, which `evalue` says."""
+    text = f"took longer than the {seconds:g} s that the set allows"
     return {"ename": TOO_SLOW, "evalue": text, "traceback": [text]}
 
 
@@ -378,9 +378,9 @@ def write_feedback(api: NbGraderAPI, student: str, set_name: str) -> None:
     page.write_text(offline(page.read_text("utf-8")), "utf-8")
 
 
-def main(arguments: list[str]) -> int:
-    """Run the command line; the result is the exit code."""
-    root, student, set_name = Path(arguments[0]), arguments[1], arguments[2]
+def main(arguments: list[str]) -> None:
+    """Grade one submission."""
+    root, student, set_name = Path(arguments[0]), *arguments[1:]
     # Neither the teacher's own settings nor their history have a part in it.
     os.environ.update(IPYTHONDIR=str(root / "ipython"), JUPYTER_CONFIG_DIR=str(root / "jupyter"))
     sandbox.adopt_orphans()
@@ -389,8 +389,76 @@ def main(arguments: list[str]) -> int:
     finally:  # whatever the student's code has left running
         end(os.getpid(), itself=False)
     (root / "result.json").write_text(json.dumps(result), "utf-8")
-    return 0
+
+
+# --- many, one after the other -------------------------------------------------------------------
+
+CASES = 8  # as many as a hidden test draws; others are drawn when they are asked for
+
+
+def draw(source: str) -> None:
+    """Draw the cases of a set's hidden tests; they stay known."""
+    if not source:
+        return
+    for cell in nbformat.read(source, as_version=4).cells:
+        test = hidden_test(cell.source) if is_test(cell) else None
+        if test and test.problem in exercises.PROBLEMS and not exercises.PROBLEMS[test.problem].own:
+            exercises.PROBLEMS[test.problem].cases(test.settings.get("seed"), CASES)
+
+
+def ready() -> None:
+    """Start what starts kernels, where a process can be copied safely, or start it again."""
+    running = FORK_SERVERS and FORK_SERVERS[-1].process.poll() is None
+    if sys.platform == "linux" and not running:
+        FORK_SERVERS.append(Child(KERNEL))
+
+
+def run(root: str, student: str, name: str) -> int:
+    """Grade one submission in a process of its own; its exit code, as `subprocess` has it."""
+    log = Path(root) / "log.txt"
+    ready()
+    arguments = [root, student, name]
+    if not hasattr(os, "fork"):  # Windows
+        with log.open("wb") as output:
+            command = [sys.executable, "-P", "-m", WORKER, *arguments]
+            return subprocess.call(command, cwd=root, stdout=output, stderr=output)
+    child = os.fork()
+    if not child:
+        code = 1
+        try:
+            for number, mode in ((0, os.O_RDONLY), (1, os.O_WRONLY), (2, os.O_WRONLY)):
+                path = log if number else os.devnull
+                os.dup2(os.open(path, mode | (os.O_CREAT | os.O_APPEND if number else 0)), number)
+            os.chdir(root)  # what a process can learn of its parents leads nowhere
+            main(arguments)
+            code = 0
+        except BaseException:
+            traceback.print_exc()
+        finally:
+            sys.stderr.flush()
+            os._exit(code)
+    _, status = os.waitpid(child, 0)
+    for server in FORK_SERVERS:
+        end(server.process.pid, itself=False)
+    return os.waitstatus_to_exitcode(status)
+
+
+def work() -> None:
+    """Take orders until there are no more."""
+    ready()  # it reads its libraries while the cases are drawn
+    drawn: set[str] = set()
+
+    def graded(order: dict[str, str]) -> int:
+        if order["source"] not in drawn:
+            draw(order["source"])
+            drawn.add(order["source"])
+        return run(order["root"], order["student"], order["set"])
+
+    serve(graded)
 
 
 if __name__ == "__main__":
-    sys.exit(main(sys.argv[1:]))
+    if sys.argv[1:]:
+        main(sys.argv[1:])
+    else:
+        work()

@@ -27,7 +27,7 @@ from .submissions import Submission
 
 __all__ = ["Batch", "Outcome"]
 
-WORKER = f"{__package__}.worker"
+WORKER = f"{__package__}.autograde"
 FOUND = [str(Path(module.__file__ or "").resolve().parents[1]) for module in (nrdob, nrdob_course)]
 """Where the packages were found, so that the graders find the same."""
 
@@ -44,7 +44,7 @@ class Outcome:
 
 
 class Worker(Child):
-    """A process that grades one submission after the other, see `worker`."""
+    """A process that grades one submission after the other, see `autograde`."""
 
     def __init__(self) -> None:
         environment = kernel_environment()
@@ -150,12 +150,12 @@ class Batch:
             replace(private / step / work, self.root / step / work)
         outcome.grades, outcome.comments = result["grades"], result["comments"]
         outcome.submission.remarks += result["remarks"]
-        groups = result["groups"]
-        if len(groups) > 1:
-            told = ", ".join(map(str, groups))
-            outcome.submission.remarks.append(f"answers for several groups: {told}")
-        elif groups and groups[0] != outcome.submission.assumed:
-            outcome.submission.group = groups[0]  # also where it was computed
+        match result["groups"]:
+            case [group] if group != outcome.submission.assumed:
+                outcome.submission.group = group  # also where it was computed
+            case [_, _, *_] as groups:
+                told = ", ".join(map(str, groups))
+                outcome.submission.remarks.append(f"answers for several groups: {told}")
 
 
 ERROR = re.compile(r"[\w.]*(Error|Exception|Exit|Interrupt)\b.*")

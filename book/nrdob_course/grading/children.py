@@ -1,16 +1,23 @@
-"""Processes that take an order in each line of their input, and answer it in a line: JSON both."""
+"""Processes that take an order in each line of their input, and answer it in a line: JSON both.
+
+Of such a process Jupyter gets its kernels: copies of one that has read their libraries, which takes
+seconds. It knows no more than a kernel does, and nothing of the graders, see `kernel`.
+"""
 
 from __future__ import annotations
 
 import json
+import signal
 import subprocess
 import sys
 from collections.abc import Callable, Mapping
+from contextlib import suppress
 from typing import Any
 
 import psutil
+from jupyter_client.provisioning.local_provisioner import LocalProvisioner
 
-__all__ = ["Child", "end", "serve"]
+__all__ = ["Child", "Provisioner", "end", "serve"]
 
 
 class Child:
@@ -58,7 +65,41 @@ def end(pid: int, itself: bool = True) -> None:
     except psutil.NoSuchProcess:
         return
     for member in family:
-        try:
+        with suppress(psutil.NoSuchProcess):
             member.kill()
-        except psutil.NoSuchProcess:
-            continue
+
+
+class Kernel(psutil.Process):  # type: ignore[misc]
+    """A kernel, which is no child of this process, with what Jupyter wants to know of one."""
+
+    stdin = stdout = stderr = None
+
+    def poll(self) -> int | None:
+        """Give an exit code, whatever it was, if it has ended."""
+        return None if self.is_running() else 1
+
+    def send_signal(self, number: int) -> None:
+        """Send a signal, if it has not ended."""
+        with suppress(psutil.NoSuchProcess):
+            super().send_signal(number)
+
+    def terminate(self) -> None:
+        """Ask it to end."""
+        self.send_signal(signal.SIGTERM)
+
+    def kill(self) -> None:
+        """End it."""
+        self.send_signal(signal.SIGKILL)
+
+
+class Provisioner(LocalProvisioner):
+    """Lets Jupyter start its kernels so."""
+
+    server: Child
+
+    async def launch_kernel(self, cmd: list[str], **kwargs: Any) -> Any:
+        """Start a kernel; of its command, python -P -m kernel CONNECTION WORKDIR, the last two."""
+        kernel: Any = Kernel(self.server.ask({"start": cmd[4:6], "environment": kwargs["env"]}))
+        self.process, self.pid = kernel, kernel.pid
+        self.pgid = None
+        return self.connection_info

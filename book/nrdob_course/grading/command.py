@@ -16,28 +16,28 @@ Canvas take it, ``written.csv`` and ``marking.html`` for the answers to be marke
 
 from __future__ import annotations
 
+import argparse
 import csv
+import getpass
 import shutil
 import sys
 import tempfile
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 import nbformat
 from sqlalchemy.exc import DatabaseError
 
-from . import changes, marks, sandbox, similar
-from .arguments import COURSE, GRADING, parse
+from . import marks, sandbox, similar, written
 from .autograde import course, write_feedback
 from .batch import Batch, Outcome
-from .marking import write_marking
-from .marks import Records, grades_of, number, problem_of, unmarked
+from .marking import write_marking, write_tally
+from .marks import Record, Records, grades_of, number, problem_of, unmarked
 from .platforms import packed, unpacked
 from .release import MARKERS, SOURCE, CourseError, found_course, generate, release, sets_in, solved
 from .roster import UNPLANNED, Course, read_course
 from .submissions import NOTHING, Submission, find, repair
-from .tally import write_tally
 from .written import Key, Typed, read_written, write_written
 
 __all__ = [
@@ -45,6 +45,11 @@ __all__ = [
 ]  # fmt: skip
 
 ADVICE = SOURCE.parents[1] / "problems.toml"
+
+# Beside each other in the folder where the command is run.
+RELEASE = Path("build") / "exercises"
+GRADING = Path("grading")
+COURSE = Path("course.toml")
 
 Notebook = Any
 
@@ -88,7 +93,8 @@ def grade(
             if submission.reason and records.graded(submission):  # what came earlier stays
                 submissions.remove(submission)
                 if submission.reason != NOTHING:
-                    faults.append(f"{described(submission)}: {submission.reason}. {EARLIER}")
+                    told = f"{submission.reason}. What was graded earlier stays"
+                    faults.append(f"{submission.name}: {told}")
                 continue
             if not submission.reason:
                 hand_over(submission, given_out[submission.set], target, records, plan)
@@ -96,7 +102,7 @@ def grade(
                 submission.reason = NOT_RUN
             entry = records.add(submission, submission.reason or "it is still to be graded")
             if submission.reason:
-                print(f"not graded: {described(submission)}: {submission.reason}", flush=True)
+                print(f"not graded: {submission.name}: {submission.reason}", flush=True)
             else:
                 ready.append((entry["folder"], submission))
     try:
@@ -114,9 +120,6 @@ def released(target: Path, names: set[str]) -> dict[str, Notebook]:
         name: nbformat.read(generate(target, SOURCE, name) / f"{name}.ipynb", as_version=4)
         for name in sorted(names)
     }
-
-
-EARLIER = "What was graded earlier stays"
 
 
 NO_SANDBOX = (
@@ -156,7 +159,7 @@ def run(
         if not outcome.reason:
             with course(target).gradebook as gradebook:
                 marks.enter(gradebook, entry["folder"], outcome)
-        print(f"[{count:>{len(str(len(ready)))}}/{len(ready)}] {told(outcome)}", flush=True)
+        print(f"[{count:>{len(str(len(ready)))}}/{len(ready)}] {came_of(outcome)}", flush=True)
 
 
 def compare(
@@ -174,12 +177,10 @@ def compare(
             before = [{c: row.get(c) for c in columns} for row in csv.DictReader(file)]
         rows = [row for row in before if row["set"] not in given_out]
     for name, skeleton in given_out.items():
+        graded = [e for e in records.entries if e["set"] == name and not e["reason"]]
         notebooks = {
-            entry["student"]: nbformat.read(
-                target / "submitted" / entry["folder"] / name / f"{name}.ipynb", as_version=4
-            )
-            for entry in records.entries
-            if entry["set"] == name and not entry["reason"]
+            entry["student"]: nbformat.read(target / marks.place_of(entry), as_version=4)
+            for entry in graded
         }
         copies = similar.copies(notebooks, skeleton, solutions[name])
         found = similar.pairs(notebooks, skeleton)
@@ -191,22 +192,16 @@ def compare(
     marks.write_table(path, columns, rows)
 
 
-def described(submission: Submission) -> str:
-    """Name the student and the set."""
-    return " ".join(filter(None, [submission.student, submission.set]))
-
-
-def told(outcome: Outcome) -> str:
+def came_of(outcome: Outcome) -> str:
     """Tell in a line what came of a submission."""
     points = [points for points in outcome.grades.values() if points is not None]
     open_ones = len(outcome.grades) - len(points)
-    parts = (
-        [f"not graded: {outcome.reason}"] if outcome.reason else [f"{number(sum(points))} points"]
-    )
+    reason = outcome.reason
+    parts = [f"not graded: {reason}" if reason else f"{number(sum(points))} points"]
     if open_ones:
         parts.append(f"{open_ones} to mark by hand")
     parts += outcome.submission.remarks
-    return f"{described(outcome.submission)} ({outcome.seconds:.0f} s): {'; '.join(parts)}"
+    return f"{outcome.submission.name} ({outcome.seconds:.0f} s): {'; '.join(parts)}"
 
 
 def take_marks(target: Path, records: Records, tables: Sequence[Path] = ()) -> Typed:
@@ -214,11 +209,11 @@ def take_marks(target: Path, records: Records, tables: Sequence[Path] = ()) -> T
     typed = Typed()
     if not (target / "gradebook.db").exists():
         return typed
-    given = changes.overridden(target)
+    given = written.overridden(target)
     with course(target).gradebook as gradebook:
         for table in (target / "written.csv", *tables):
             typed.add(read_written(table, gradebook, records, given))
-        changes.apply(gradebook, records, given)
+        written.apply(gradebook, records, given)
     return typed
 
 
@@ -249,7 +244,7 @@ def summary(
     for entry in entries:
         said = [f"NOT GRADED: {entry['reason']}"] if entry["reason"] else []
         for remark in [*said, *entry["remarks"]]:
-            print(f"  {' '.join(filter(None, [entry['student'], entry['set']]))}: {remark}")
+            print(f"  {Submission(entry['student'], entry['set']).name}: {remark}")
     for fault in faults:
         print(f"  {fault}")
     print(
@@ -273,8 +268,8 @@ def report(target: Path = GRADING, plan: Course | None = None, tables: Sequence[
     faults = take_marks(target, records, tables).faults.values()
     for fault in faults:
         print(fault, flush=True)
-    give_feedback(target, [entry for entry in records.entries if not entry["reason"]])
-    write_tables(target, records, plan or UNPLANNED, tables)
+    entries = [entry for entry in records.entries if not entry["reason"]]
+    write_anew(target, records, entries, plan, tables)
     for fault in faults:
         print(f"  {fault}")
     print(f"Points: {target / 'grades.csv'}")
@@ -288,12 +283,19 @@ def records_of(target: Path) -> Records:
     return Records(target / "submissions.json")
 
 
-def give_feedback(target: Path, entries: Sequence[Mapping[str, Any]]) -> None:
-    """Write the feedback of some submissions anew."""
+def write_anew(
+    target: Path,
+    records: Records,
+    entries: Iterable[Record],
+    plan: Course | None,
+    tables: Sequence[Path] = (),
+) -> None:
+    """Write the feedback of some submissions, and all tables, anew."""
     api = course(target)
     for entry in entries:
         write_feedback(api, entry["folder"], entry["set"])
         print(f"feedback for {entry['student']} {entry['set']}", flush=True)
+    write_tables(target, records, plan or UNPLANNED, tables)
 
 
 # --- changing -----------------------------------------------------------------------------------
@@ -305,10 +307,9 @@ def override(
     """Give the points of one answer by hand, or withdraw such points; it is logged."""
     records = records_of(target)
     with course(target).gradebook as gradebook:
-        entry = changes.override(gradebook, target, records, key, points, who, why)
-    give_feedback(target, [entry])
-    write_tables(target, records, plan or UNPLANNED)
-    print(f"{' '.join(key)}: {points}. The log: {target / changes.FILE}")
+        entry = written.override(gradebook, target, records, key, points, who, why)
+    write_anew(target, records, [entry], plan)
+    print(f"{' '.join(key)}: {points}. The log: {target / written.LOG}")
     return 0
 
 
@@ -348,7 +349,7 @@ def regrade(
         entry = entries[records.folder_of(submission.student), submission.set]
         if outcome.reason:
             failed += 1
-            print(f"not regraded: {described(submission)}: {outcome.reason}", flush=True)
+            print(f"not regraded: {submission.name}: {outcome.reason}", flush=True)
             continue
         outcome.grades = {
             cell: points
@@ -363,16 +364,69 @@ def regrade(
             for cell, new in outcome.grades.items()
             if number(before[cell]) != number(new)
         ]
-        changes.log(target, "regrade", who, why, changed)
+        written.log(target, "regrade", who, why, changed)
         for key, old, new in changed:
             print(f"{' '.join(key)}: {old} → {new}", flush=True)
-    give_feedback(target, chosen)
-    write_tables(target, records, plan or UNPLANNED)
-    print(f"The log: {target / changes.FILE}")
+    write_anew(target, records, chosen, plan)
+    print(f"The log: {target / written.LOG}")
     return failed
 
 
 # --- command line -------------------------------------------------------------------------------
+
+
+def login() -> str:
+    """Tell who is at the keyboard; where the system does not know, nobody does."""
+    try:
+        return getpass.getuser()
+    except (OSError, KeyError, ImportError):
+        return "unknown"
+
+
+ARGUMENTS: dict[str, dict[str, Any]] = {
+    "sets": dict(nargs="*", metavar="SET", help="set1, set2, …; by default all"),
+    "folder": dict(type=Path, metavar="FOLDER"),
+    "tables": dict(nargs="*", type=Path, metavar="TABLE", help="marked.csv, from marking.html"),
+    "--set": dict(dest="wanted", action="append", default=[], help="only this one, e.g. set2"),
+    "--trust": dict(action="store_true", help="run suspicious code even where there is no sandbox"),
+    "--student": dict(required=True, metavar="NAME"),
+    "--problem": dict(required=True, metavar="ID", help="e.g. 2.3"),
+    "--points": dict(required=True, metavar="NUMBER", help="or auto, to withdraw earlier ones"),
+    "--student …": dict(dest="students", action="append", default=[], metavar="NAME"),
+    "--problem …": dict(
+        dest="problems", action="append", default=[], metavar="ID", help="e.g. 2.3"
+    ),
+    "--why": dict(required=True, metavar="REASON"),
+    "--who": dict(default=login(), metavar="NAME", help="yours"),
+    "--jobs": dict(type=int, default=2, help="how many at a time"),
+    "--limit": dict(type=float, default=1200, metavar="SECONDS", help="for one submission"),
+    "--as-root": dict(action="store_true", help="run students' code even if you are root"),
+    "--output": dict(dest="target", type=Path, default=GRADING, metavar="FOLDER"),
+    "--course": dict(type=Path, metavar="FILE", help="roster, deadlines; by default course.toml"),
+}
+RUNNING, WRITING = ("--jobs", "--limit", "--as-root"), ("--output", "--course")
+ASKED: dict[str, tuple[str, ...]] = {
+    "release": ("make the students' copies and the solutions", "sets", "--output"),
+    "grade": ("grade what students handed in", "folder", "--set", "--trust", *RUNNING, *WRITING),
+    "report": ("after marks were written into written.csv", "tables", *WRITING),
+    "regrade": ("judge students, or problems, anew; it is logged", "--student …", "--problem …",
+                "--why", "--who", *RUNNING, *WRITING),
+    "override": ("change the points of one answer; it is logged", "--student", "--problem",
+                 "--points", "--why", "--who", *WRITING),
+}  # fmt: skip
+"""What can be asked of the graders: about it, and what it is told, by the names above."""
+
+
+def parse(arguments: list[str] | None) -> argparse.Namespace:
+    """Read the command line."""
+    parser = argparse.ArgumentParser(description="Give out problem sets, and grade them.")
+    commands = parser.add_subparsers(dest="command", required=True)
+    for name, (about, *told) in ASKED.items():
+        command = commands.add_parser(name, help=about)
+        for argument in told:
+            command.add_argument(argument.removesuffix(" …"), **ARGUMENTS[argument])
+    commands.choices["release"].set_defaults(target=RELEASE)
+    return parser.parse_args(arguments)
 
 
 def checked(names: Sequence[str]) -> list[str]:
@@ -415,7 +469,7 @@ def main(arguments: list[str] | None = None) -> int:
     command, as_root = given.pop("command"), given.pop("as_root", True)
     try:
         if command == "release":
-            release(checked(given["sets"]) or list(sets_in(SOURCE)), SOURCE, given["output"])
+            release(checked(given["sets"]) or list(sets_in(SOURCE)), SOURCE, given["target"])
             return 0
         if not as_root and sandbox.is_root():
             raise CourseError(ROOT_STOPS)
@@ -428,11 +482,10 @@ def main(arguments: list[str] | None = None) -> int:
         left = COMMANDS[command](**given)
     except (CourseError, ValueError) as error:
         print(error, file=sys.stderr)
-        return 2
     except DatabaseError as error:
         print(f"gradebook.db cannot be read or written: {error.orig}", file=sys.stderr)
-        return 2
     except KeyboardInterrupt:
         print("Stopped. What was graded is in the tables.", file=sys.stderr)
-        return 2
-    return 1 if left else 0
+    else:
+        return 1 if left else 0
+    return 2

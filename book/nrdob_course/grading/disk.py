@@ -9,7 +9,7 @@ import os
 import stat
 import tempfile
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from threading import Event, Thread
 
@@ -28,11 +28,9 @@ def workdir() -> Iterator[Path]:
     try:
         yield folder
     finally:
-        try:
+        with suppress(OSError):  # else the system's, to be cleaned with its temporary folders
             _empty(folder)
             folder.rmdir()
-        except OSError:  # it is the system's, to be cleaned with its other temporary folders
-            pass
 
 
 def _empty(folder: Path) -> None:
@@ -65,10 +63,8 @@ def watched(workdir: Path, kernel: Callable[[], int | None]) -> Iterator[Event]:
             count, size = used(workdir, pid)
             if pid and (count > MOST_FILES or size > MOST_BYTES):
                 full.set()
-                try:
+                with suppress(psutil.NoSuchProcess):
                     psutil.Process(pid).kill()
-                except psutil.NoSuchProcess:
-                    continue
 
     thread = Thread(target=watch, daemon=True)
     thread.start()

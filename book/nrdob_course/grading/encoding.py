@@ -12,11 +12,13 @@ import json
 import pickle
 import traceback
 import warnings
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
+from contextlib import suppress
 from typing import Any
 
 import control as ct
 import numpy as np
+from numpy.polynomial import Polynomial
 
 from nrdob.diagram import DelayedTransferFunction, LowPassFilter
 from nrdob.loop import NRDOB
@@ -71,23 +73,11 @@ def encode(value: Any) -> Any:
         return {name: [encode(each) for each in value]}
     if isinstance(value, dict):
         return {"dict": [[encode(key), encode(each)] for key, each in value.items()]}
-    if isinstance(value, NRDOB):
-        blocks = (value.process, value.model, value.controller, value.filter)
-        return {"loop": [encode(each) for each in blocks]}
-    if isinstance(value, LowPassFilter):
-        return {"filter": [float(value.time_constant), int(value.order)]}
-    if isinstance(value, DelayedTransferFunction):
-        return {"delayed": [encode(value.tf), float(value.delay)]}
-    if isinstance(value, ct.TransferFunction) and (value.ninputs, value.noutputs) == (1, 1):
-        num, den = value.num_array[0, 0], value.den_array[0, 0]
-        return {"tf": [encode(num), encode(den), encode(value.dt)]}
-    if isinstance(value, ct.StateSpace):
-        matrices = (value.A, value.B, value.C, value.D)
-        return {"ss": [*map(encode, matrices), encode(value.dt)]}
-    if isinstance(value, np.polynomial.Polynomial):
-        return {"polynomial": [encode(each) for each in (value.coef, value.domain, value.window)]}
-    if isinstance(value, np.poly1d):
-        return {"poly1d": [encode(value.coeffs)]}
+    if isinstance(value, ct.TransferFunction) and (value.ninputs, value.noutputs) != (1, 1):
+        return _other(value)
+    for kind, (one, parts, _) in KINDS.items():
+        if isinstance(value, one):
+            return {kind: [encode(each) for each in parts(value)]}
     if hasattr(type(value), "as_poly"):  # an expression or a polynomial of SymPy
         poly = value.as_poly(*value.free_symbols)
         if poly is not None and len(poly.gens) == 1:
@@ -99,12 +89,8 @@ def _other(value: Any) -> Any:
     """Write what is none of these: as a number if it says that it is one, else as its text."""
     name = type(value).__name__
     if not isinstance(value, type) and hasattr(type(value), "__float__"):
-        try:
+        with suppress(Exception):
             return float(value)
-        except Exception:
-            pass
-    if isinstance(value, complex):
-        return {"complex": [value.real, value.imag]}
     if isinstance(value, Iterable) and not isinstance(value, UNORDERED):
         return {"list": [encode(each) for each in value]}  # map, zip, dict.values()
     try:
@@ -167,25 +153,36 @@ def _built(data: Any) -> Any:
     return BUILD[kind]([_built(each) for each in parts])
 
 
-def _filter(parts: list[Any]) -> LowPassFilter:
-    time_constant, order = parts
+def _filter(time_constant: Any, order: Any) -> LowPassFilter:
     if not order <= MOST:
         raise ValueError(f"a filter of order {order}; at most {MOST} is read")
     return LowPassFilter(time_constant, order)
 
 
-BUILD: dict[str, Any] = {
-    "list": list,
-    "tuple": tuple,
-    "complex": lambda parts: complex(*parts),
-    "loop": lambda parts: NRDOB(*parts),
-    "filter": _filter,
-    "delayed": lambda parts: DelayedTransferFunction(*parts),
-    "tf": lambda parts: ct.TransferFunction(*parts),
-    "ss": lambda parts: ct.StateSpace(*parts),
-    "polynomial": lambda parts: np.polynomial.Polynomial(*parts),
-    "poly1d": lambda parts: np.poly1d(*parts),
-}
+KINDS: dict[str, tuple[type, Callable[[Any], tuple[Any, ...]], Callable[..., Any]]] = {
+    "complex": (complex, lambda v: (v.real, v.imag), complex),
+    "loop": (NRDOB, lambda v: (v.process, v.model, v.controller, v.filter), NRDOB),
+    "filter": (LowPassFilter, lambda v: (float(v.time_constant), int(v.order)), _filter),
+    "delayed": (
+        DelayedTransferFunction, lambda v: (v.tf, float(v.delay)), DelayedTransferFunction
+    ),
+    "tf": (
+        ct.TransferFunction, lambda v: (v.num_array[0, 0], v.den_array[0, 0], v.dt),
+        ct.TransferFunction,
+    ),
+    "ss": (ct.StateSpace, lambda v: (v.A, v.B, v.C, v.D, v.dt), ct.StateSpace),
+    "polynomial": (Polynomial, lambda v: (v.coef, v.domain, v.window), Polynomial),
+    "poly1d": (np.poly1d, lambda v: (v.coeffs,), np.poly1d),
+}  # fmt: skip
+"""What has parts of its own: its type, the parts, and what is built of them."""
+
+
+def _of_parts(build: Callable[..., Any]) -> Callable[[list[Any]], Any]:
+    return lambda parts: build(*parts)
+
+
+BUILD = {kind: _of_parts(build) for kind, (_, _, build) in KINDS.items()}
+BUILD |= {"list": list, "tuple": tuple}
 
 
 # --- in the process of the student's code -------------------------------------------------------
@@ -215,10 +212,7 @@ def _told(answer: Any, case: str) -> str:
     return text
 
 
-BLOCKS = (
-    ct.InputOutputSystem, DelayedTransferFunction, LowPassFilter, np.poly1d,
-    np.polynomial.Polynomial,
-)  # fmt: skip
+BLOCKS = (ct.InputOutputSystem, *(one for one, _, _ in KINDS.values()))
 """What can be called, at a complex s, and is an answer all the same."""
 
 

@@ -96,10 +96,8 @@ def _body(text: str) -> str:
 
 def _kept(tag: str, attribute: str, value: str) -> str | None:
     """Keep an attribute, unless it leads to what may not be loaded."""
-    allowed = {"src": PICTURE, "href": PLACE}.get(attribute)
-    if allowed is PICTURE:
-        return value if PICTURE.fullmatch(value) else None
-    return value if allowed is None or PLACE.match(value) else None
+    allowed = {"src": PICTURE.fullmatch, "href": PLACE.match}.get(attribute)
+    return value if allowed is None or allowed(value) else None
 
 
 def _convert(text: Any) -> None:

@@ -54,9 +54,8 @@ def hidden_test(source: str) -> HiddenTest | None:
         if isinstance(node, ast.Call) and ast.unparse(node.func) == "score":
             problem, answer, group = node.args
             settings = {str(word.arg): ast.literal_eval(word.value) for word in node.keywords}
-            return HiddenTest(
-                ast.literal_eval(problem), ast.unparse(answer), ast.unparse(group), settings
-            )
+            asked = ast.literal_eval(problem), ast.unparse(answer), ast.unparse(group)
+            return HiddenTest(*asked, settings)
     return None
 
 

@@ -5,7 +5,8 @@
 CONNECTION is Jupyter's file of ports; WORKDIR the only folder that the code can write. What every
 notebook imports is imported before the sandbox is built and the clock runs. In the place of the
 graders stands what was handed out, see `handout`, in a file that is gone when the code begins.
-Without arguments it starts kernels on demand, see `forkserver`.
+Without arguments it starts kernels as copies of itself: an order has the arguments of a kernel and
+its environment, the answer is the process.
 """
 
 from __future__ import annotations
@@ -15,6 +16,7 @@ import builtins
 import json
 import os
 import pickle
+import signal
 import sys
 from importlib import import_module
 from importlib.abc import Loader, MetaPathFinder
@@ -30,8 +32,8 @@ from ipykernel.kernelapp import IPKernelApp
 import nrdob  # noqa: F401
 
 from . import sandbox
+from .children import serve
 from .encoding import HANDOUT
-from .forkserver import fork_kernels
 
 __all__ = ["AnotherGroupError", "Graders", "Note", "leave", "main"]
 
@@ -47,9 +49,7 @@ class Note(str):
     """What `check` gives while the notebook is graded."""
 
     share = 0.0
-
-    def __repr__(self) -> str:
-        return str(self)
+    __repr__ = str.__str__
 
 
 def not_now(*any: Any, **more: Any) -> Note:
@@ -72,8 +72,7 @@ class Graders(MetaPathFinder, Loader):
 
     def add(self, group: Any, cases: dict[str, str]) -> None:
         """Take the cases of a group, by problem."""
-        for problem, case in cases.items():
-            self.cases[problem, str(group)] = case
+        self.cases |= {(problem, str(group)): case for problem, case in cases.items()}
 
     def find_spec(self, name: str, path: Any = None, target: Any = None) -> ModuleSpec | None:
         """Find what was handed out, and nothing else of the course."""
@@ -124,8 +123,33 @@ def main(arguments: list[str]) -> None:
     app.start()
 
 
+def started(order: dict[str, Any]) -> int:
+    """Start a kernel, and tell its process."""
+    if not (child := os.fork()):
+        become_a_kernel(order)
+    return child
+
+
+def become_a_kernel(order: dict[str, Any]) -> None:
+    """Leave all that is the server's, its pipes above all, and be a kernel."""
+    code = 1
+    try:
+        signal.signal(signal.SIGCHLD, signal.SIG_DFL)
+        os.setsid()
+        for number in (0, 1, 2):
+            os.dup2(os.open(os.devnull, os.O_RDWR), number)
+        os.closerange(3, 1024)
+        os.environ.clear()
+        os.environ.update(order["environment"])
+        main(order["start"])
+        code = 0
+    finally:
+        os._exit(code)
+
+
 if __name__ == "__main__":
     if sys.argv[1:]:
         main(sys.argv[1:])
     else:
-        fork_kernels(main)
+        signal.signal(signal.SIGCHLD, signal.SIG_IGN)  # nobody asks for the exit codes of kernels
+        serve(started)

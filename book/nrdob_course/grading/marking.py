@@ -1,8 +1,10 @@
-"""A page for marking answers in words: one file, problem by problem, without names and network.
+"""Pages for the teacher, each one file without names and network.
 
-It shows the problem, the published solution with the points, what the instructor's pack says, and
-all the answers to it, each under a code. Points and comments are typed beside the answers; a button
-writes them as a table, which ``report`` takes. What was typed is kept in the browser meanwhile.
+One is for marking answers in words, problem by problem. It shows the problem, the published
+solution with the points, what the instructor's pack says, and all the answers to it, each under a
+code. Points and comments are typed beside the answers; a button writes them as a table, which
+``report`` takes. What was typed is kept in the browser meanwhile. The other shows the class at a
+glance: points for each problem, the mistakes that were recognised, and times.
 """
 
 from __future__ import annotations
@@ -11,23 +13,39 @@ import base64
 import hashlib
 import re
 import tomllib
-from collections.abc import Iterator, Mapping
+from collections import Counter
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from html import escape
 from importlib.resources import files
 from pathlib import Path
+from statistics import mean, median
 from typing import Any
 
+import nbformat
 from jinja2 import Environment, PackageLoader
 from markupsafe import Markup
 from nbconvert.filters.markdown_mistune import markdown2html_mistune
 from nbgrader.api import Gradebook
 
-from .feedback import offline
-from .marks import Record, Records, grades_of, in_order, number, problem_of
+from ..exercises import PROBLEMS
+from .feedback import NOWHERE, offline
+from .marks import (
+    Line,
+    Record,
+    Records,
+    comment_of,
+    grades_of,
+    in_order,
+    number,
+    place_of,
+    problem_of,
+    unmarked,
+)
 from .release import MARKERS
 from .submissions import PICTURES
 from .written import answers_of, to_be_marked
 
-__all__ = ["PAGES", "write_marking"]
+__all__ = ["write_marking", "write_tally"]
 
 MIME = {".jpg": "jpeg", ".jpeg": "jpeg", ".png": "png", ".gif": "gif"}
 
@@ -50,10 +68,8 @@ def write_marking(
     problems = [
         {"problem": problem}
         | _problem(sets[name], cell, rubrics.get(problem, {}))
-        | {"answers": [_answer(path, *each, gradebook) for each in found]}
-        for (name, problem, cell), found in sorted(
-            answers.items(), key=lambda item: in_order(item[0][1])
-        )
+        | {"answers": [_answer(path, *each, gradebook) for each in answers[name, problem, cell]]}
+        for name, problem, cell in sorted(answers, key=lambda place: in_order(place[1]))
     ]
     style, script = (
         Markup(files(__package__).joinpath("pages", f"marking.{kind}").read_text("utf-8"))
@@ -81,8 +97,7 @@ def _problem(source: Any, name: str, advice: Mapping[str, Any]) -> dict[str, Any
 
 
 def _answer(path: Path, entry: Record, grade: Any, gradebook: Gradebook) -> dict[str, Any]:
-    where = (grade.name, entry["set"], entry["set"], entry["folder"])
-    pictures = dict(_pictures(path.parent / "submitted" / entry["folder"] / entry["set"]))
+    pictures = dict(_pictures((path.parent / place_of(entry)).parent))
     cell = dict(answers_of(path, entry)).get(grade.name)
     text = cell.source if cell else ""
     for name, held in (cell.get("attachments", {}) if cell else {}).items():
@@ -97,7 +112,7 @@ def _answer(path: Path, entry: Record, grade: Any, gradebook: Gradebook) -> dict
         "pictures": list(pictures.values()),
         "most": number(grade.max_score),
         "points": number(grade.manual_score),
-        "comment": gradebook.find_comment(*where).manual_comment or "",
+        "comment": comment_of(gradebook, entry, grade).manual_comment or "",
     }
 
 
@@ -113,3 +128,71 @@ def _shown(text: str) -> Markup:
     """Convert Markdown to a piece of a page that does nothing but be read."""
     html = re.sub(r"\A<p>(.*)</p>\Z", r"\1", markdown2html_mistune(text).strip())
     return Markup(offline(html))
+
+
+# --- the class at a glance ----------------------------------------------------------------------
+
+
+def mistakes(root: Path, found: Iterable[Line]) -> Counter[tuple[str, str]]:
+    """Count the misconceptions that the feedback has named, by problem."""
+    counts: Counter[tuple[str, str]] = Counter()
+    known = [(id, kind) for id, problem in PROBLEMS.items() for kind in problem.misconceptions]
+    said = {(id, kind.name): escape(kind.says) for id, kind in known}
+    for line in found:
+        path = root / place_of(line.entry, "autograded")
+        if not path.exists():
+            continue
+        told = {
+            problem_of(cell.id): "".join(
+                str(out.get("data", {}).get("text/html", "")) for out in cell.get("outputs", [])
+            )
+            for cell in nbformat.read(path, as_version=4).cells
+            if cell.get("id", "").startswith("check")
+        }
+        counts.update(key for key, words in said.items() if words in told.get(key[0], ""))
+    return counts
+
+
+def write_tally(path: Path, root: Path, found: Sequence[Line]) -> None:
+    """Write the page, with a part for each set."""
+    graded = [line for line in found if line.grades]
+    sets = sorted({line.entry["set"] for line in graded}, key=in_order)
+    counts = mistakes(root, graded)
+    by_set = {name: [line for line in graded if line.entry["set"] == name] for name in sets}
+    parts = [_set(name, lines, counts) for name, lines in by_set.items()]
+    page = PAGES.get_template("class.html").render(sets=parts, nowhere=NOWHERE)
+    path.write_text(page + "\n", "utf-8")
+
+
+def _set(name: str, graded: list[Line], counts: Counter[tuple[str, str]]) -> dict[str, Any]:
+    """Give what the page says of a set."""
+    shares: dict[str, list[float]] = {}
+    for grade in (grade for line in graded for grade in line.grades):
+        given = shares.setdefault(problem_of(grade.name), [])
+        if grade.max_score and not unmarked(grade):
+            given.append(float(grade.score) / float(grade.max_score))
+    times = [line.entry.get("seconds", 0.0) for line in graded]
+    totals = [line.earned for line in graded]
+    return {
+        "name": name,
+        "said": (
+            f"{len(graded)} graded; {sum(bool(line.days) for line in graded)} late; points so far: "
+            f"median {number(median(totals))}, from {number(min(totals))} to "
+            f"{number(max(totals))} of {number(max(line.most for line in graded))}. Grading took "
+            f"{median(times):.0f} s each in the middle, {max(times):.0f} s at most."
+        ),
+        "points": [
+            {
+                "problem": problem,
+                "marked": len(mine),
+                "mean": mean(mine or [0.0]),
+                "full": sum(share > 0.999 for share in mine),
+                "none": sum(share < 0.001 for share in mine),
+            }
+            for problem, mine in sorted(shares.items(), key=lambda item: in_order(item[0]))
+        ],
+        "mistakes": sorted(
+            ((*key, count) for key, count in counts.items() if key[0] in shares),
+            key=lambda item: (-item[2], in_order(item[0])),
+        ),
+    }

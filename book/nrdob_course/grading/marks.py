@@ -26,9 +26,9 @@ from .roster import Course
 from .submissions import NOTHING, Submission
 
 __all__ = [
-    "Line", "Record", "Records", "enter", "grades_of", "harmless", "in_order", "in_order_of_sets",
-    "lines", "number", "pack_feedback", "page_of", "problem_of", "tell_late", "unmarked",
-    "write_course", "write_grades", "write_platforms", "write_table",
+    "Line", "Record", "Records", "comment_of", "enter", "grades_of", "harmless", "in_order",
+    "lines", "number", "pack_feedback", "page_of", "place_of", "problem_of", "tell_late",
+    "unmarked", "write_course", "write_grades", "write_platforms", "write_table",
 ]  # fmt: skip
 
 GRADED_CELL = re.compile(r"(?:check|written)-(\d+)-(\w+)")
@@ -46,10 +46,9 @@ def problem_of(cell: str) -> str:
     return f"{match[1]}.{match[2]}" if match else cell
 
 
-def in_order(problem: str) -> tuple[int, int, str]:
-    """Sort problems by their numbers."""
-    match = re.match(r"(\d+)\.(\d+)", problem)
-    return (int(match[1]), int(match[2]), problem) if match else (10**6, 0, problem)
+def in_order(name: str) -> list[Any]:
+    """Sort problems and sets by their numbers, others after them."""
+    return [int(part) if k % 2 else part for k, part in enumerate(re.split(r"(\d+)", name))]
 
 
 def number(points: float | None) -> str:
@@ -65,12 +64,12 @@ class Records:
 
     def __init__(self, path: Path) -> None:
         self.path = path
-        self.entries: list[Record] = []
-        if path.exists():
-            try:
-                self.entries = json.loads(path.read_text("utf-8"))
-            except ValueError as error:
-                raise ValueError(f"{path.name} cannot be read: {error}") from None
+        try:
+            self.entries: list[Record] = (
+                json.loads(path.read_text("utf-8")) if path.exists() else []
+            )
+        except ValueError as error:
+            raise ValueError(f"{path.name} cannot be read: {error}") from None
 
     def folder_of(self, student: str) -> str:
         """Name a student's folder: no pattern to nbgrader, allowed everywhere, and unique."""
@@ -120,12 +119,11 @@ class Records:
         """Remark a group's number in the notebooks of several, unless the roster has it so."""
         holders: dict[tuple[str, int], list[Record]] = {}
         for entry in self.entries:
+            entry["remarks"] = [r for r in entry["remarks"] if not r.startswith(SHARED)]
             if not entry["reason"] and entry["group"] is not None:
                 known = course.find(entry["student"], entry.get("identifier", ""))
                 if known is None or known.group != entry["group"]:
                     holders.setdefault((entry["set"], entry["group"]), []).append(entry)
-        for entry in self.entries:
-            entry["remarks"] = [r for r in entry["remarks"] if not r.startswith(SHARED)]
         for (_, group), entries in holders.items():
             if len(entries) > 1:
                 for entry in entries:
@@ -164,6 +162,11 @@ def grades_of(gradebook: Gradebook, entry: Record) -> list[Any]:
     except MissingEntry:
         return []
     return sorted(notebook.grades, key=lambda grade: in_order(problem_of(grade.name)))
+
+
+def comment_of(gradebook: Gradebook, entry: Record, grade: Any) -> Any:
+    """Give nbgrader's comment on what a grade is for."""
+    return gradebook.find_comment(grade.name, entry["set"], entry["set"], entry["folder"])
 
 
 def unmarked(grade: Any) -> bool:
@@ -247,9 +250,14 @@ def why_less(line: Line, course: Course) -> str:
     )
 
 
+def place_of(entry: Record, step: str = "submitted", kind: str = "ipynb") -> str:
+    """Give the place of a notebook, or of a page made of it, in the folder of the course."""
+    return f"{step}/{entry['folder']}/{entry['set']}/{entry['set']}.{kind}"
+
+
 def page_of(entry: Record) -> str:
     """Give the place of a feedback page, in the folder of the course."""
-    return f"feedback/{entry['folder']}/{entry['set']}/{entry['set']}.html"
+    return place_of(entry, "feedback", "html")
 
 
 def write_grades(path: Path, found: list[Line]) -> None:
@@ -289,7 +297,7 @@ def by_student(found: list[Line], course: Course) -> dict[str, dict[str, Line]]:
 
 def write_course(path: Path, found: list[Line], course: Course) -> None:
     """Write a line for each student: the points of every set, and all together."""
-    sets = sorted({line.entry["set"] for line in found if line.grades}, key=in_order_of_sets)
+    sets = sorted({line.entry["set"] for line in found if line.grades}, key=in_order)
     most = {name: max(line.most for line in found if line.entry["set"] == name) for name in sets}
     rows = []
     for name, mine in by_student(found, course).items():
@@ -309,19 +317,13 @@ def write_course(path: Path, found: list[Line], course: Course) -> None:
     write_table(path, [*columns, "not handed in", "not graded", "to mark by hand"], rows)
 
 
-def in_order_of_sets(name: str) -> tuple[int, str]:
-    """Sort sets by their numbers."""
-    match = re.search(r"\d+", name)
-    return (int(match[0]) if match else 10**6, name)
-
-
 CANVAS = ("Student", "ID", "SIS User ID", "SIS Login ID", "Section")
 
 
 def write_platforms(folder: Path, found: list[Line], course: Course) -> None:
     """Write what Moodle and Canvas import; points that are not final yet are left blank."""
     graded = [line for line in found if line.grades]
-    sets = sorted({line.entry["set"] for line in graded}, key=in_order_of_sets)
+    sets = sorted({line.entry["set"] for line in graded}, key=in_order)
     for name in sets:
         rows = [
             {

@@ -13,6 +13,7 @@ import time
 import zipfile
 import zlib
 from collections.abc import Iterator, Mapping
+from contextlib import suppress
 from dataclasses import dataclass
 from os import utime
 from pathlib import Path, PurePosixPath
@@ -162,30 +163,23 @@ def _extract(
     target.parent.mkdir(parents=True, exist_ok=True)
     target.touch()
     try:
-        _write(packed, entry, target)
+        if entry.external_attr >> 16 & 0o170000 == 0o120000:
+            raise ValueError("it is a link")
+        if entry.file_size > ONE_FILE:
+            raise ValueError("it is too large")
+        left = entry.file_size
+        with packed.open(entry) as source, target.open("wb") as file:
+            while chunk := source.read(1 << 20):
+                left -= len(chunk)
+                if left < 0:
+                    raise ValueError("it is larger than it says")
+                file.write(chunk)
     except BROKEN:
         target.write_bytes(b"")
         raise
-    try:
-        if moment is None:
-            moment = time.mktime((*entry.date_time, 0, 0, -1))
+    with suppress(ValueError, OverflowError):  # a date that there never was
+        moment = time.mktime((*entry.date_time, 0, 0, -1)) if moment is None else moment
         utime(target, (moment, moment))
-    except (ValueError, OverflowError):  # a date that there never was
-        pass
-
-
-def _write(packed: zipfile.ZipFile, entry: zipfile.ZipInfo, target: Path) -> None:
-    if entry.external_attr >> 16 & 0o170000 == 0o120000:
-        raise ValueError("it is a link")
-    if entry.file_size > ONE_FILE:
-        raise ValueError("it is too large")
-    left = entry.file_size
-    with packed.open(entry) as source, target.open("wb") as file:
-        while chunk := source.read(1 << 20):
-            left -= len(chunk)
-            if left < 0:
-                raise ValueError("it is larger than it says")
-            file.write(chunk)
 
 
 def pack(path: Path, files: Mapping[str, Path]) -> None:

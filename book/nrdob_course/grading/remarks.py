@@ -52,23 +52,16 @@ def parsed(source: str) -> ast.Module | None:
 def _signs(cell: Any) -> Iterator[str]:
     if cell.cell_type != "code":
         return
-    yield from (
-        f"the command {match[1]}" for match in re.finditer(r"^\s*([!%]+\w*)", cell.source, re.M)
-    )
+    commands = re.findall(r"^\s*([!%]+\w*)", cell.source, re.MULTILINE)
+    yield from (f"the command {command}" for command in commands)
     tree = parsed(cell.source)
-    nodes = list(ast.walk(tree)) if tree else []
-    literal = {id(node.func) for node in nodes if isinstance(node, ast.Call) and _is_literal(node)}
-    for node in nodes:
-        if id(node) not in literal:
+    literal = set()  # where an attribute is asked for by a name that leads nowhere
+    for node in ast.walk(tree) if tree else ():
+        match node:
+            case ast.Call(ast.Name("getattr") as asked, [_, ast.Constant(str(name)), *_]):
+                literal |= set() if _leads_out(name) else {asked}
+        if node not in literal:  # a call comes before its function
             yield from _of_node(node)
-
-
-def _is_literal(call: ast.Call) -> bool:
-    """Tell whether an attribute is asked for by a name that is written down, and leads nowhere."""
-    match call:
-        case ast.Call(func=ast.Name(id="getattr"), args=[_, ast.Constant(value=str(name)), *_]):
-            return not _leads_out(name)
-    return False
 
 
 def _of_node(node: ast.AST) -> Iterator[str]:

@@ -153,26 +153,21 @@ def read_course(path: Path) -> Course:
         raise ValueError(f"{path.name} knows no {', '.join(sorted(unknown))}")
     for key, value in late.items():
         if isinstance(value, bool) or not isinstance(value, int | float) or not 0 <= value <= MOST:
-            raise ValueError(
-                f"{path.name}: late.{key} = {value!r:.40} is no number from 0 to a million"
-            )
+            told = f"late.{key} = {value!r:.40} is no number from 0 to a million"
+            raise ValueError(f"{path.name}: {told}")
     if not isinstance(settings.get("roster", ""), str):
         raise ValueError(f"{path.name}: roster = {settings['roster']!r} is no name of a file")
     found = Course(
         students=read_roster(path.parent / settings["roster"]) if "roster" in settings else (),
         deadlines=_times(settings.get("deadlines", {}), path),
-        extensions={
-            name: _times(given, path) for name, given in settings.get("extensions", {}).items()
-        },
+        extensions={n: _times(own, path) for n, own in settings.get("extensions", {}).items()},
         **late,
     )
     for name, given in found.extensions.items():
         for who in given:
             if found.students and not found.find(who):
-                raise ValueError(
-                    f"{path.name}: extensions.{name}: nobody on the roster, or more than one, "
-                    f"is called {who!r}"
-                )
+                told = f"nobody on the roster, or more than one, is called {who!r}"
+                raise ValueError(f"{path.name}: extensions.{name}: {told}")
     return found
 
 
@@ -220,9 +215,8 @@ def read_roster(path: Path) -> tuple[Student, ...]:
             continue
         text = (row[where["group"]] or "").strip() if where["group"] else ""
         if text and not text.isdecimal():
-            raise ValueError(
-                f"{path.name}, line {line}: the group of {name} is {text!r}, no whole number"
-            )
+            told = f"the group of {name} is {text!r}, no whole number"
+            raise ValueError(f"{path.name}, line {line}: {told}")
         identifier = (row[where["identifier"]] or "").strip() if where["identifier"] else ""
         given = {key: value or "" for key, value in row.items() if key}
         key = ("id", identifier) if identifier else ("name", name)

@@ -15,12 +15,14 @@ import struct
 import sys
 import sysconfig
 from collections.abc import Iterable, Iterator
+from contextlib import suppress
 from functools import cache
 from pathlib import Path
 
 import nrdob
 
 from . import seccomp
+from .seccomp import seal
 
 __all__ = [
     "adopt_orphans", "build", "generation", "is_root", "limit", "missing", "readable", "seal",
@@ -42,16 +44,9 @@ PORT = 0b1  # bind
 NO_NEW_PRIVILEGES, CHILD_SUBREAPER, DROP_FROM_BOUNDS = 38, 36, 24
 
 DATA = (
-    "/usr/share/fonts",
-    "/usr/share/zoneinfo",
-    "/usr/lib/locale",
-    "/etc/fonts",
-    "/etc/ld.so.cache",
-    "/etc/localtime",
-    "/etc/mime.types",
-    "/dev/random",
-    "/dev/urandom",
-)
+    "/usr/share/fonts", "/usr/share/zoneinfo", "/usr/lib/locale", "/etc/fonts", "/etc/ld.so.cache",
+    "/etc/localtime", "/etc/mime.types", "/dev/random", "/dev/urandom",
+)  # fmt: skip
 BOTH_WAYS = ("/dev/null", "/dev/zero", "/dev/full")
 
 MEMORY = 5 << 28
@@ -101,7 +96,7 @@ def stays_root() -> str:
     if sys.platform != "linux":
         return f"you are root, and on {sys.platform} students' code would be root, too"
     for place in (Path(sys.prefix), Path(sys.base_prefix), PACKAGE):
-        if not _open_to_all(place):
+        if any(each.stat().st_mode & 0o005 != 0o005 for each in [place, *place.parents]):
             return f"you are root, and students' code would be, too: not everybody can read {place}"
     return ""
 
@@ -127,11 +122,6 @@ def build(workdir: Path, ports: Iterable[int]) -> None:
         os.close(ruleset)
 
 
-def seal() -> None:
-    """Refuse this process, for ever, the network and all other processes."""
-    seccomp.seal()
-
-
 def limit(memory: int = MEMORY) -> None:
     """Limit what this process takes of the machine, where that is possible."""
     try:
@@ -140,19 +130,11 @@ def limit(memory: int = MEMORY) -> None:
         return
     import psutil
 
-    limits = {
-        "AS": psutil.Process().memory_info().vms + memory,
-        "FSIZE": FILE_SIZE,
-        "NOFILE": FILES,
-        "CORE": 0,
-        "MSGQUEUE": 0,
-        "MEMLOCK": 0,
-    }
+    limits = {"FSIZE": FILE_SIZE, "NOFILE": FILES, "CORE": 0, "MSGQUEUE": 0, "MEMLOCK": 0}
+    limits["AS"] = psutil.Process().memory_info().vms + memory
     for name, most in limits.items():
-        try:
+        with suppress(AttributeError, ValueError, OSError):
             resource.setrlimit(getattr(resource, f"RLIMIT_{name}"), (most, most))
-        except (AttributeError, ValueError, OSError):
-            continue
 
 
 def readable() -> list[Path]:
@@ -238,11 +220,6 @@ def _allow(ruleset: int, path: Path, rights: int) -> None:
         _checked(ADD, ruleset, 1, struct.pack("=Qi", rights, place), 0)
     finally:
         os.close(place)
-
-
-def _open_to_all(path: Path) -> bool:
-    """Tell whether any user can read there."""
-    return all(each.stat().st_mode & 0o005 == 0o005 for each in [path, *path.parents])
 
 
 def _drop_rights() -> None:

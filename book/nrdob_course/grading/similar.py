@@ -87,9 +87,8 @@ def _listed(found: Found) -> list[Pair]:
 def _alike(answers: Mapping[str, Runs]) -> Iterator[tuple[str, str, float]]:
     counts = Counter(run for runs in answers.values() for run in runs)
     most = max(FEW, COMMON * len(answers))
-    rare = {
-        student: {run for run in runs if counts[run] <= most} for student, runs in answers.items()
-    }
+    few = {run for run, count in counts.items() if count <= most}
+    rare = {student: runs & few for student, runs in answers.items()}
     long = sorted(student for student, runs in rare.items() if len(runs) >= FEWEST)
     for first, second in combinations(long, 2):
         shorter = min(len(rare[first]), len(rare[second]))

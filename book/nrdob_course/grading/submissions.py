@@ -25,7 +25,7 @@ import nbformat
 from nbformat.v4 import new_code_cell, new_markdown_cell, new_notebook, new_raw_cell
 
 from .platforms import Owner, owner_of
-from .remarks import suspicious
+from .remarks import parsed, suspicious
 from .roster import UNPLANNED, Course
 
 __all__ = ["NOTHING", "PICTURES", "Submission", "find", "group_of", "read", "repair"]
@@ -63,6 +63,11 @@ class Submission:
     assumed: int | None = None
     suspicious: bool = False
     shared: bool = False
+
+    @property
+    def name(self) -> str:
+        """The student and the set, if it is known."""
+        return f"{self.student} {self.set}".strip()
 
     @property
     def pictures(self) -> list[Path]:
@@ -256,11 +261,7 @@ def _choose(student: str, name: str, found: list[_Candidate]) -> Submission:
     submission.notebook = chosen.notebook
     submission.handed_in = _time_of(chosen.path)
     submission.shared = chosen.path.name == chosen.shown
-    proper = {
-        f"{student}/{name}.ipynb",
-        f"{student}/{name}/{name}.ipynb",
-        f"{student}_{name}.ipynb",
-    }
+    proper = [f"{student}{between}{name}.ipynb" for between in ("/", f"/{name}/", "_")]
     if chosen.shown not in proper and not (chosen.owner.platform and exact):
         submission.remarks.append(f"taken from {chosen.shown}")
     submission.remarks += [f"{other} was left out" for other in others]
@@ -313,13 +314,10 @@ def set_of(notebook: Notebook, sets: Mapping[str, Notebook]) -> str:
     if notebook is None:
         return ""
     there = {name for cell in notebook.cells for name in _names(cell)}
-    counts = {
-        name: sum(
-            bool(of.get("grade")) and of["grade_id"] in there
-            for of in (cell.metadata.get("nbgrader", {}) for cell in source.cells)
-        )
-        for name, source in sets.items()
-    }
+    counts: Counter[str] = Counter()
+    for name, source in sets.items():
+        asked = [cell.metadata.get("nbgrader", {}) for cell in source.cells]
+        counts[name] = sum(bool(of.get("grade")) and of["grade_id"] in there for of in asked)
     most = max(counts.values(), default=0)
     best = [name for name, count in counts.items() if count == most > 0]
     return best[0] if len(best) == 1 else ""
@@ -327,10 +325,15 @@ def set_of(notebook: Notebook, sets: Mapping[str, Notebook]) -> str:
 
 def _names(cell: Cell) -> list[str]:
     """Give the names under which a cell of a set may be known: nbgrader's, and its id."""
-    metadata = cell.get("metadata")
-    metadata = metadata.get("nbgrader") if isinstance(metadata, dict) else None
-    grade_id = metadata.get("grade_id") if isinstance(metadata, dict) else None
-    return [name for name in (grade_id, cell.get("id")) if isinstance(name, str)]
+    names = (_within(cell, "metadata", "nbgrader", "grade_id"), cell.get("id"))
+    return [name for name in names if isinstance(name, str)]
+
+
+def _within(data: Any, *keys: str) -> Any:
+    """Give what stands under these keys, one in the other; None if nothing does."""
+    for key in keys:
+        data = data.get(key) if isinstance(data, dict) else None
+    return data
 
 
 # --- putting right ------------------------------------------------------------------------------
@@ -355,9 +358,7 @@ def repair(submission: Submission, released: Notebook, assigned: int | None = No
     if missing:
         remarks.append(f"put back: {_listed(missing)}")
     locked = {
-        cell.id: cell.source
-        for cell in released.cells
-        if cell.metadata.get("nbgrader", {}).get("locked")
+        c.id: c.source for c in released.cells if _within(c, "metadata", "nbgrader", "locked")
     }
     changed = [cell.id for cell in cells if locked.get(cell.id, cell.source) != cell.source]
     if changed:
@@ -378,8 +379,8 @@ def repair(submission: Submission, released: Notebook, assigned: int | None = No
         remarks.append(f"{problem}: {whose} {submission.assumed}")
     elif assigned is not None and submission.group != assigned:
         remarks.append(f"group {submission.group}, and {assigned} on the roster")
-    name = _kernel(submission.notebook)
-    if name != "python3":
+    name = _within(submission.notebook, "metadata", "kernelspec", "name")
+    if name not in (None, "python3"):
         remarks.append(f"kernel {name!r} replaced by 'python3'")
 
     signs = suspicious(cells, released.cells)
@@ -427,12 +428,6 @@ def _recognised(notebook: Notebook, known: Mapping[str, Cell]) -> tuple[list[Cel
     return cells, remarks
 
 
-def _kernel(notebook: Notebook) -> Any:
-    metadata = notebook.get("metadata")
-    kernel = metadata.get("kernelspec") if isinstance(metadata, dict) else None
-    return kernel.get("name", "python3") if isinstance(kernel, dict) else "python3"
-
-
 def _text(source: Any) -> str:
     if isinstance(source, list):
         return "".join(part for part in source if isinstance(part, str))
@@ -442,22 +437,12 @@ def _text(source: Any) -> str:
 def group_of(cells: Iterable[Cell]) -> tuple[int | None, str]:
     """Find the group's number; the second says what is wrong with it, empty if nothing is."""
     found: Any = None
-    for cell in cells:
-        if cell.cell_type != "code":
-            continue
-        try:
-            statements = ast.parse(cell.source).body
-        except (SyntaxError, ValueError, RecursionError, MemoryError):
-            continue
-        for statement in statements:
-            match statement:
-                case ast.Assign(targets=targets, value=value):
-                    pass
-                case ast.AnnAssign(target=target, value=value):
-                    targets = [target]
-                case _:
-                    continue
-            if any(isinstance(each, ast.Name) and each.id == "GROUP" for each in targets):
+    trees = [parsed(cell.source) for cell in cells if cell.cell_type == "code"]
+    for statement in (each for tree in trees if tree for each in tree.body):
+        match statement:
+            case ast.Assign(targets=targets, value=value) if any(map(_is_group, targets)):
+                found = value
+            case ast.AnnAssign(target=target, value=value) if _is_group(target):
                 found = value
     if found is None:
         return None, "GROUP is not set"
@@ -465,6 +450,10 @@ def group_of(cells: Iterable[Cell]) -> tuple[int | None, str]:
     if isinstance(group, int) and not isinstance(group, bool):
         return group, ""
     return None, f"GROUP is no whole number ({ast.unparse(found)[:40]})"
+
+
+def _is_group(target: ast.expr) -> bool:
+    return isinstance(target, ast.Name) and target.id == "GROUP"
 
 
 def _computed(expression: ast.expr) -> Any:

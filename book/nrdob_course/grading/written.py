@@ -1,12 +1,17 @@
-"""Answers in words: ``written.csv``, and the points that somebody has filled in.
+"""Points given by hand: in ``written.csv``, for answers in words, and in the place of others.
 
 What was typed is not lost. A line that cannot be entered stays as it is, and is named; before the
 file is written anew, a copy of the one that was there goes into the folder ``backup``. A table
 from the page for blind marking has codes in the place of names.
+
+An override gives points to any problem; it stands when the work is graded again, until it is
+withdrawn. A regrade lets the graders judge anew. Both leave a line in ``changes.csv``, which nobody
+rewrites.
 """
 
 from __future__ import annotations
 
+import csv
 import shutil
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
@@ -18,12 +23,23 @@ from urllib.parse import quote
 import nbformat
 from nbgrader.api import Gradebook
 
-from .marks import Record, Records, grades_of, harmless, number, page_of, problem_of, write_table
+from .marks import (
+    Record,
+    Records,
+    comment_of,
+    grades_of,
+    harmless,
+    number,
+    page_of,
+    place_of,
+    problem_of,
+    write_table,
+)
 from .roster import read_table
 
 __all__ = [
-    "WRITTEN", "Key", "Typed", "answers_of", "read_written", "to_be_marked", "write_written",
-    "wrong_points",
+    "LOG", "WRITTEN", "Key", "Typed", "answers_of", "apply", "log", "overridden", "override",
+    "read_written", "to_be_marked", "write_written",
 ]  # fmt: skip
 
 WRITTEN = ("student", "set", "problem", "of", "points", "comment", "answer", "feedback")
@@ -116,8 +132,7 @@ def read_written(
             if text:
                 grade.manual_score = float(text.replace(",", "."))
                 grade.needs_manual_grade = False
-            where = (grade.name, entry["set"], entry["set"], entry["folder"])
-            gradebook.find_comment(*where).manual_comment = comment or None
+            comment_of(gradebook, entry, grade).manual_comment = comment or None
             typed.entered.add(key)
     gradebook.db.commit()
     return typed
@@ -152,12 +167,11 @@ def write_written(path: Path, gradebook: Gradebook, records: Records, typed: Typ
     for entry in records.entries:
         texts = {name: " ".join(cell.source.split()) for name, cell in answers_of(path, entry)}
         for grade in filter(to_be_marked, grades_of(gradebook, entry)):
-            where = (grade.name, entry["set"], entry["set"], entry["folder"])
             key = entry["student"], entry["set"], problem_of(grade.name)
             row = {
                 "of": number(grade.max_score),
                 "points": number(grade.manual_score),
-                "comment": gradebook.find_comment(*where).manual_comment or "",
+                "comment": comment_of(gradebook, entry, grade).manual_comment or "",
                 "answer": texts.get(grade.name, "")[:3000],
                 "feedback": f"{quote(page_of(entry))}#{grade.name}",
             }
@@ -175,8 +189,80 @@ def write_written(path: Path, gradebook: Gradebook, records: Records, typed: Typ
 
 def answers_of(beside: Path, entry: Record) -> Iterable[tuple[str, Any]]:
     """Give the name and the cell of all that was handed in, of a submission that was graded."""
-    path = beside.parent / "submitted" / entry["folder"] / entry["set"] / f"{entry['set']}.ipynb"
+    path = beside.parent / place_of(entry)
     if entry["reason"] or not path.exists():
         return []
     cells = nbformat.read(path, as_version=4).cells
     return [(cell.id, cell) for cell in cells if "id" in cell]
+
+
+# --- changes ------------------------------------------------------------------------------------
+
+LOG = "changes.csv"
+LOG_COLUMNS = ("when", "who", "how", "student", "set", "problem", "old", "new", "why")
+AUTO = "auto"
+"""Stands for the points of an override that was withdrawn."""
+
+
+def log(root: Path, how: str, who: str, why: str, rows: Iterable[tuple[Key, str, str]]) -> None:
+    """Append a line for each of the changes: student, set and problem, points before and after."""
+    path, now = root / LOG, f"{datetime.now().astimezone():%Y-%m-%d %H:%M:%S%z}"
+    if not path.exists():
+        write_table(path, list(LOG_COLUMNS), [])
+    with path.open("a", newline="", encoding="utf-8") as file:
+        table = csv.writer(file, lineterminator="\n")
+        table.writerows([now, who, how, *key, old, new, why] for key, old, new in rows)
+
+
+def overridden(root: Path) -> dict[Key, float]:
+    """Give the points of the overrides that stand."""
+    path = root / LOG
+    found: dict[Key, float] = {}
+    for line, row in read_table(path) if path.exists() else ():
+        if row.get("how") != "override":
+            continue
+        key = (row["student"], row["set"], row["problem"])
+        try:
+            if row["new"] == AUTO:
+                found.pop(key, None)
+            else:
+                found[key] = float(row["new"])
+        except (TypeError, ValueError):
+            raise ValueError(f"{path.name}, line {line}: {row['new']!r} is no number") from None
+    return found
+
+
+def apply(gradebook: Gradebook, records: Records, given: Mapping[Key, float | None]) -> None:
+    """Enter the points of overrides; None withdraws one."""
+    for entry in records.entries:
+        for grade in grades_of(gradebook, entry):
+            key = entry["student"], entry["set"], problem_of(grade.name)
+            if key in given:
+                grade.manual_score = given[key]
+                grade.needs_manual_grade = given[key] is None and grade.auto_score is None
+    gradebook.db.commit()
+
+
+def override(
+    gradebook: Gradebook, root: Path, records: Records, key: Key, points: str, who: str, why: str
+) -> Record:
+    """Give points by hand, or withdraw what was given so; the entry that has changed."""
+    student, name, problem = key
+    entries = {e["student"]: e for e in records.entries if e["set"] == name}
+    entry = entries.get(student)
+    if entry is None or entry["reason"]:
+        there = ", ".join(sorted(entries))
+        raise ValueError(f"nothing of {student} is graded in {name}; there are: {there}")
+    grades = {problem_of(grade.name): grade for grade in grades_of(gradebook, entry)}
+    if problem not in grades:
+        raise ValueError(f"{name} has no problem {problem!r}; it has {', '.join(grades)}")
+    grade = grades[problem]
+    wrong = wrong_points(points, grade.max_score) if points else "no points are given"
+    if wrong and points != AUTO:
+        raise ValueError(f"{wrong}; give a number, or {AUTO} to withdraw an override")
+    value = None if points == AUTO else float(points.replace(",", "."))
+    old = number(grade.score) if grade.manual_score is not None else number(grade.auto_score)
+    apply(gradebook, records, {key: value})
+    new = AUTO if value is None else number(value)
+    log(root, "override", who, why, [(key, old, new)])
+    return entry
