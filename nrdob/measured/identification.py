@@ -302,7 +302,12 @@ def identified(
     best, rivals, reason = _chosen(judged, count)
     if count < outputs.size:  # what was held out has been foretold: now it counts, too
         problem, samples = whole, float(whole.used[start:].sum())
-        again = {each: _again(each, whole, start, units, confidence) for each in (best, *rivals)}
+        again = {}
+        for each in (best, *rivals):
+            fits = [refined(fit, whole, start) for fit in begun[judged.index(each)]]
+            fit = _resting_or_moving(fits, samples)
+            parameters, covariance = _numbers(fit, whole, units, confidence)
+            again[each] = replace(each, fit=fit, parameters=parameters, covariance=covariance)
         judged = [again.get(each, each) for each in judged]
         best, rivals = again[best], [again[each] for each in rivals]
     fit = best.fit
@@ -419,15 +424,6 @@ def _judged(
         predicted,
         *_numbers(fit, whole, units, confidence),
     )
-
-
-def _again(
-    found: _Judged, whole: Problem, start: int, units: tuple[float, float], confidence: float
-) -> _Judged:
-    """Search on over the whole record."""
-    fit = refined(found.fit, whole, start)
-    parameters, covariance = _numbers(fit, whole, units, confidence)
-    return replace(found, fit=fit, parameters=parameters, covariance=covariance)
 
 
 def _numbers(
