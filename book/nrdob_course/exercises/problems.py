@@ -201,6 +201,8 @@ class Problem:
     parts : callable, optional
         Tells which of several independent parts of an answer are right, each by its name. An answer
         earns the share of the parts that are right in every case.
+    makes : callable
+        Makes of what is drawn the case that is posed, the same of the same.
     drawn_as : str
         The name under which cases are drawn, if several problems share them; else their own.
     """
@@ -215,6 +217,7 @@ class Problem:
     reads: Callable[[Any], Any] = as_given
     rounded: Callable[[Case, Any], bool] | None = None
     parts: Callable[[Case, Any], Mapping[str, bool]] | None = None
+    makes: Callable[[Any], Case] = as_given
     drawn_as: str = ""
 
     def accepts(self, case: Case, got: Any) -> bool:
@@ -258,10 +261,10 @@ class Problem:
         rng, cases = _begun(kinds, start)
         while len(cases) < count:
             cases.append(kinds[(start + len(cases)) % len(kinds)](rng))
-        return cases[:count]
+        return [self.makes(case) for case in cases[:count]]
 
 
-@lru_cache(maxsize=512)
+@lru_cache(maxsize=2048)
 def _begun(kinds: tuple[Draw, ...], seed: int) -> tuple[np.random.Generator, list[Case]]:
     """Give what draws the cases of one seed, and those that were asked for before."""
     return np.random.default_rng(seed), []

@@ -269,16 +269,35 @@ class HalfCurve:
 def _half_curve(way: int, rng: np.random.Generator) -> HalfCurve:
     """Draw a curve that turns clockwise, 1, or the other way, -1."""
 
+    def drawn() -> tuple[HalfCurve, FloatArray, FloatArray]:
+        zeros, poles, integrators, size = first_fitting(
+            lambda: _draw_ratio(rng), lambda r: way * (on_the_right(r[0]) - on_the_right(r[1])) > 0
+        )
+        above, below = np.poly(zeros), np.append(np.poly(poles), np.zeros(integrators))
+        omega = np.geomspace(1e-5, 1e5, 5001)
+        ratio = np.polyval(above, 1j * omega) / np.polyval(below, 1j * omega)
+        # Small in the middle, so that the encirclements of -1 are not those of 0.
+        gain = np.sign(size) * few(abs(size) / np.abs(ratio).min())
+        curve = HalfCurve(omega, gain * ratio - 1, integrators, above.size - below.size)
+        return curve, gain * above, below
+
     def fits(drawn: tuple[HalfCurve, FloatArray, FloatArray]) -> bool:
         case, above, below = drawn
-        return (
-            way * _closed(case) > 0
-            and _unambiguous(case)
-            and judge("H", [QuasiPolynomial(below)], QuasiPolynomial(above)).encirclements
-            == _closed(case)
+        return _unambiguous(case) and _closed(case) == (
+            judge("H", [QuasiPolynomial(below)], QuasiPolynomial(above)).encirclements
         )
 
-    return first_fitting(lambda: _draw_half_curve(rng), fits)[0]
+    return first_fitting(drawn, fits)[0]
+
+
+def _draw_ratio(rng: np.random.Generator) -> tuple[list[float], list[float], int, float]:
+    """Draw a plant with integrators over a model with more lags: zeros, poles, and the size."""
+    integrators, excess, others = (int(k) for k in rng.integers(1, 3, 3))
+    poles, zeros = (
+        [side * draw(rng, 0.3, 9) for side in rng.choice([-1, 1], degree, p=[0.6, 0.4])]
+        for degree in (others, others + integrators + excess)
+    )
+    return zeros, poles, integrators, rng.choice([-1, 1]) * rng.uniform(0.1, 0.5)
 
 
 def _unambiguous(case: HalfCurve) -> bool:
@@ -292,24 +311,6 @@ def _unambiguous(case: HalfCurve) -> bool:
         # Clockwise curves of which this is true, too, are too rare to be found.
         and (right > 0 or apart(found["jumps"], found["around zero"], by=0.05))
     )
-
-
-def _draw_half_curve(rng: np.random.Generator) -> tuple[HalfCurve, FloatArray, FloatArray]:
-    """Draw H = G/Gm - 1 of a plant with integrators and a model with more lags than the plant."""
-    integrators, excess, others = (int(k) for k in rng.integers(1, 3, 3))
-
-    def polynomial(degree: int) -> FloatArray:
-        sides = rng.choice([-1, 1], degree, p=[0.6, 0.4])
-        return np.atleast_1d(np.poly([side * draw(rng, 0.3, 9) for side in sides]))
-
-    below = np.append(polynomial(others), np.zeros(integrators))
-    above = polynomial(below.size - 1 + excess)
-    omega = np.geomspace(1e-5, 1e5, 5001)
-    ratio = np.polyval(above, 1j * omega) / np.polyval(below, 1j * omega)
-    # Small in the middle, so that the encirclements of -1 are not those of 0.
-    gain = rng.choice([-1, 1]) * few(rng.uniform(0.1, 0.5) / np.abs(ratio).min())
-    above = gain * above
-    return HalfCurve(omega, gain * ratio - 1, integrators, excess), above, below
 
 
 def _clockwise(values: ComplexArray) -> float:

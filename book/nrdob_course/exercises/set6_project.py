@@ -287,9 +287,11 @@ class _Curves:
         return grid_peak(F, R)
 
 
-@kept
+_curves_of = kept(_Curves)
+
+
 def _curves(case: QuietCase) -> _Curves:
-    return _Curves(case.plant, case.modified, case.model)
+    return _curves_of(case.plant, case.modified, case.model)
 
 
 @kept
@@ -307,10 +309,11 @@ def ends_of_quiet(case: QuietCase) -> dict[str, float]:
     }
 
 
+@kept
 def _quiet_case(project: Project) -> QuietCase:
     """Draw the red line a little above the least Ms with the modified plant."""
     model = mirrored_model(project)
-    least = _Curves(project.plant, project.modified, model).least
+    least = _curves_of(project.plant, project.modified, model).least
     return QuietCase(project.plant, project.modified, model, round(1.15 * least, 1))
 
 
@@ -368,7 +371,8 @@ def _quiet(case: QuietCase, value: float) -> str:
 QUIETEST = pose(
     "6.2",
     alike=partial(near, tolerance=READING),
-    case=lambda rng: _quiet_case(_project(rng)),
+    case=_project,
+    makes=_quiet_case,
     reads=number,
     lacks=_quiet,
     own=True,
