@@ -14,24 +14,14 @@ from nrdob.diagram import LowPassFilter
 from nrdob.loop import NRDOB
 from nrdob.numerics import ComplexArray, FloatArray, QuasiPolynomial
 
-from .cases import (
-    LoopCase,
-    apart,
-    draw,
-    factored,
-    few,
-    first_fitting,
-    kept,
-    observer_stable,
-    on_the_right,
-    s,
-)
-from .comparing import same
-from .problems import Misconception, any_of, pose, reading
+from .cases import LoopCase, factored, observer_stable, on_the_right, s
+from .comparing import same, unlike
+from .drawing import apart, draw, few, first_fitting, kept
+from .problems import Misconception, any_of, first_of, pose, reading
 from .reading import number as one_number
 from .reading import numbers
 
-__all__ = ["PROBLEMS"]
+__all__ = ["CLOSING", "READING", "TURNS"]
 
 # --- 2.1 Turns from a list of roots -------------------------------------------------------------
 
@@ -206,32 +196,27 @@ def _misread(wrong: Callable[[float, float, float], Reading]) -> Callable[[PlotC
     return lambda case: wrong(*_reading(case))
 
 
-def _plot_lacks(case: PlotCase, got: FloatArray) -> str:
-    N, P, _ = _reading(case)
-    if got[0] != N:
-        return (
-            "the first number is not what the plot does around -1. Draw a ray from -1 to the far "
-            "left: where the plot crosses it upwards it has made a clockwise encirclement, where "
-            "downwards an anticlockwise one. Both halves count, the solid and the dashed"
-        )
-    if got[1] != P:
-        return (
-            "N is right, P is not: it counts the poles of the plant and the zeros of the model on "
-            "the right, whether they cancel or not"
-        )
-    if got[2] != N + P:
-        return "N and P are right, and Z does not follow from them: Z = N + P"
-    return ""
+def _misread_numbers(case: PlotCase, got: FloatArray) -> dict[str, str]:
+    return unlike(
+        _reading(case),
+        got,
+        {
+            "N": "the first number is not what the plot does around -1. Draw a ray from -1 to the "
+            "far left: where the plot crosses it upwards it has made a clockwise encirclement, "
+            "where downwards an anticlockwise one. Both halves count, the solid and the dashed",
+            "P": "N is right, P is not: it counts the poles of the plant and the zeros of the "
+            "model on the right, whether they cancel or not",
+            "Z": "N and P are right, and Z does not follow from them: Z = N + P",
+        },
+    )
 
 
 READING = pose(
     "2.3",
     case=_plot_case,
     reads=partial(numbers, names="N, P, Z", gaps=True),
-    lacks=_plot_lacks,
-    parts=lambda case, got: dict(
-        zip("NPZ", (same(*each) for each in zip(_reading(case), got, strict=True)), strict=True)
-    ),
+    lacks=first_of(_misread_numbers),
+    parts=_misread_numbers,
     own=True,
     misconceptions={
         "P counted after cancellation": _misread(lambda N, P, Z: (N, P - 1, Z - 1)),
@@ -395,6 +380,3 @@ CLOSING = pose(
         "negative frequencies forgotten": reading(_readings, "one half"),
     },
 )
-
-
-PROBLEMS = (TURNS, READING, CLOSING)

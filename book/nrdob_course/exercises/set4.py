@@ -23,13 +23,14 @@ from nrdob.loop import NRDOB
 from nrdob.numerics import FloatArray
 from nrdob.plotting import Figure
 
-from .cases import all_pole, apart, draw, factored, few, fitting, grid_peak, kept, observer_stable
-from .comparing import near, rounds, same
+from .cases import all_pole, factored, grid_peak, observer_stable
+from .comparing import READING, near, rounds, same
+from .drawing import apart, draw, few, fitting, kept
 from .figures import Peaks, draw_peaks
 from .problems import Misconception, any_of, pose, put_right
 from .reading import lowpass, number, numbers, things, whole
 
-__all__ = ["PROBLEMS"]
+__all__ = ["CARD", "FASTEST_ORDER", "THREE_PLANTS"]
 
 
 # --- 4.1 The card -------------------------------------------------------------------------------
@@ -133,7 +134,7 @@ CARD = pose(
     case=_card_case,
     reads=partial(numbers, names=", ".join(ERRORS), gaps=True),
     lacks=_on_the_edge,
-    parts=lambda case, got: {name: not how for name, how in _off(case, got).items()},
+    parts=_off,
     rounded=lambda case, got: rounds(_edges(case), got),
     misconceptions={
         "2θ/π for every order": _but_for(0, lambda case: 2 * case.delay / pi),
@@ -155,8 +156,6 @@ CARD = pose(
 # --- 4.2 Which order is the fastest? ------------------------------------------------------------
 
 ORDERS = (2, 3, 4)
-READING = 0.08
-"""How far a number that is read off a figure may be from the true one."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -336,13 +335,9 @@ def peaks_of(case: PlantsCase, time_constant: float, which: str = "plant_loop") 
     return [m.ms if m.stable else inf for m in found]
 
 
-THREE_DIGITS = 1.01
-"""By what factor Ms may be exceeded, for a λ of three digits."""
-
-
 def _good(case: PlantsCase, peak: float) -> bool:
-    """Tell whether a peak is within the limit."""
-    return peak <= case.max_ms * THREE_DIGITS
+    """Tell whether a peak is within the limit, for a λ of three digits."""
+    return peak <= 1.01 * case.max_ms
 
 
 def just_good(case: PlantsCase, peak: Callable[[float], float], value: float) -> bool:
@@ -446,6 +441,3 @@ THREE_PLANTS = pose(
         ),
     },
 )
-
-
-PROBLEMS = (CARD, FASTEST_ORDER, THREE_PLANTS)

@@ -17,14 +17,15 @@ from nrdob.diagram import LowPassFilter, delay
 from nrdob.loop import NRDOB
 from nrdob.plotting import Figure
 
-from .cases import apart, draw, factored, few, first_fitting, fitting, kept, observer_stable, s
+from .cases import factored, observer_stable, s
 from .comparing import near, rounds, same
+from .drawing import apart, draw, few, first_fitting, fitting, kept
 from .figures import draw_crossing
 from .problems import Misconception, any_of, pose, reading
 from .reading import UnreadableError, things
 from .reading import number as one_number
 
-__all__ = ["PROBLEMS", "draw_edge"]
+__all__ = ["BORDER", "EDGE", "WAITING", "draw_edge"]
 
 # --- 5.3 How fast may the filter be? ------------------------------------------------------------
 
@@ -374,6 +375,3 @@ WAITING = pose(
     rounded=lambda case, got: rounds(case.error / _tolerated(case.order), got),
     misconceptions=WAITING_MISTAKES,
 )
-
-
-PROBLEMS = (BORDER, EDGE, WAITING)
