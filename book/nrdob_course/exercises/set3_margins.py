@@ -65,6 +65,7 @@ def _gain_case(rng: np.random.Generator) -> GainCase:
     return GainCase(loop)
 
 
+@kept
 def _gain_lacks(case: GainCase, k: float) -> str:
     fh = _margins(case).observer_loop
     if not fh.gm_low < k < fh.gm_high:

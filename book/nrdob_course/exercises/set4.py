@@ -93,11 +93,7 @@ EDGE = 1.01
 
 def _off(case: CardCase, got: FloatArray) -> dict[str, str]:
     """Tell of each number why it is no edge; empty if it is one."""
-    each = zip(ERRORS, _plants(case), got, _edges(case), strict=True)
-    return {
-        name: _off_the_edge(plant, case.order, float(value), edge)
-        for name, plant, value, edge in each
-    }
+    return {name: _off_the_edge(case, k, float(got[k])) for k, name in enumerate(ERRORS)}
 
 
 def _on_the_edge(case: CardCase, got: FloatArray) -> str:
@@ -106,16 +102,19 @@ def _on_the_edge(case: CardCase, got: FloatArray) -> str:
     return "; ".join(f"{how} for {' and '.join(names[how])}" for how in names)
 
 
-def _off_the_edge(plant: Any, order: int, value: float, edge: float) -> str:
+@kept
+def _off_the_edge(case: CardCase, k: int, value: float) -> str:
     """Tell whether the loop becomes unstable just below a λ, and not just above it; empty if so."""
     if not (isfinite(value) and value >= 0):
         return "it is not a time"
-    if edge == 0:
+    if _edges(case)[k] == 0:
         return "smaller λ are stable, too," if value else ""
     if value == 0:
         return "not every λ is stable"
     above, below = (
-        observer_stable(plant, ct.tf([1], [1, 1]), LowPassFilter(factor * value, order))
+        observer_stable(
+            _plants(case)[k], ct.tf([1], [1, 1]), LowPassFilter(factor * value, case.order)
+        )
         for factor in (EDGE, 1 / EDGE)
     )
     if above is not True:

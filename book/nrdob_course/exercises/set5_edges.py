@@ -45,6 +45,7 @@ class FilterCase:
         return f"plant {factored(self.process)}, model {factored(self.model)}, n = {self.order}"
 
 
+@kept
 def _stable(case: FilterCase, time_constant: float) -> bool | None:
     """Judge p_B with a filter."""
     return observer_stable(case.process, case.model, LowPassFilter(time_constant, case.order))

@@ -88,6 +88,7 @@ def _rejection_case(rng: np.random.Generator) -> RejectionCase:
     return RejectionCase(plant, factor * mirrored, filter, other * mirrored, int(second))
 
 
+@kept
 def _rejects_equally(case: RejectionCase, got: float) -> str:
     loop = NRDOB(case.plant, case.other, 0.0, LowPassFilter(got, case.order))
     if loop.stability().observer_loop.stable is not True:
