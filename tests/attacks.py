@@ -302,7 +302,7 @@ FORGERIES = {
         "import importlib\n"
         "\n"
         "set2 = importlib.import_module('nrdob_course.exercises.set2')\n"
-        "{answer} = set2.PROBLEMS[0].misconceptions[0].example\n"
+        "{answer} = set2.TURNS.misconceptions[0].example\n"
     ),
     "the finder taken away": (
         "import sys\n"

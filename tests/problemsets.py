@@ -18,7 +18,7 @@ from nbgrader.preprocessors import ClearHiddenTests, ClearSolutions
 
 from nrdob import NRDOB, LowPassFilter
 from nrdob_course.exercises import PROBLEMS, Points, Problem, score
-from nrdob_course.exercises.cases import few
+from nrdob_course.exercises.drawing import few
 from nrdob_course.grading.release import SOURCE
 
 SETS = sorted(SOURCE.glob("*/*.ipynb"))

@@ -612,7 +612,7 @@ def test_the_example_of_a_new_problem_works(monkeypatch: pytest.MonkeyPatch) -> 
     monkeypatch.setattr("nrdob_course.exercises.problems.texts_of", {"8": texts}.get)
     space: dict[str, Any] = {"__name__": __name__}
     exec(textwrap.dedent(code), space)
-    [problem] = space["PROBLEMS"]
+    [problem] = map(space.get, space["__all__"])
     for seed in (1, 2, 2024):
         cases = problem.cases(seed, 8)
         right = review(problem, lambda c: (2 ** (1 / c.order) - 1) ** 0.5 / c.time_constant, cases)

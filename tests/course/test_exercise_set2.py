@@ -9,7 +9,8 @@ import pytest
 from nrdob import NRDOB, LowPassFilter
 from nrdob.analysis import encirclements
 from nrdob_course.exercises import own_case, score
-from nrdob_course.exercises.cases import first_fitting, s
+from nrdob_course.exercises.cases import s
+from nrdob_course.exercises.drawing import first_fitting
 from nrdob_course.exercises.figures import draw_without_count
 from nrdob_course.exercises.set2 import CLOSING, READING
 from nrdob_course.exercises.set2_loops import LITERAL, UNTURNED

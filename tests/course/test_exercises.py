@@ -165,7 +165,7 @@ def test_a_misconception_gets_its_message_and_its_marks(
 ) -> None:
     mistaken: Any = misconception.example
     if this.problem.own:
-        mistaken = misconception.example(own_case(this.id, group))
+        mistaken = misconception.example(this.problem.drawn(group, 1)[0])
     points = this.score(mistaken, group, seed)
     assert points.feedback.recognised == misconception.name, points.feedback.text
     assert points.feedback.text == misconception.says

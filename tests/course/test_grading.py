@@ -13,8 +13,8 @@ import numpy as np
 import pytest
 
 from nrdob_course.exercises import PROBLEMS, check, own_case, score
-from nrdob_course.exercises.cases import few
-from nrdob_course.exercises.comparing import rounds, same
+from nrdob_course.exercises.comparing import rounds, same, unlike
+from nrdob_course.exercises.drawing import few
 from nrdob_course.exercises.problems import (
     BUDGET,
     Feedback,
@@ -421,10 +421,9 @@ SIDES = pose(
     ),
     misconceptions={"twice": lambda case: [2 * case.side, case.side**2]},
     reads=partial(numbers, names="around, area"),
-    parts=lambda case, got: {
-        "around": same(4 * case.side, got[0]),
-        "area": same(case.side**2, got[1]),
-    },
+    parts=lambda case, got: unlike(
+        (4 * case.side, case.side**2), got, {"around": "too short", "area": "too small"}
+    ),
     rounded=lambda case, got: rounds([4 * case.side, case.side**2], got),
 )
 

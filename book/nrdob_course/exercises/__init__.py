@@ -29,7 +29,8 @@ __all__ = [
 ]  # fmt: skip
 
 _SETS = [name for _, name, _ in iter_modules(__path__) if re.match(r"set\d", name)]
-_POSED = [each for name in _SETS for each in import_module(f"{__name__}.{name}").PROBLEMS]
+_HELD = [held for name in _SETS for held in vars(import_module(f"{__name__}.{name}")).values()]
+_POSED = [held for held in _HELD if isinstance(held, Problem)]
 
 PROBLEMS: dict[str, Problem] = {
     each.id: each for each in sorted(_POSED, key=lambda each: tuple(map(int, each.id.split("."))))

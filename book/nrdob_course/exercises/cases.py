@@ -1,12 +1,10 @@
-"""What the problem sets share: draw a case that fits, write a block in factors, judge p_B."""
+"""What the problem sets share: plants and models, written in factors, and the verdict on p_B."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import lru_cache
-from itertools import combinations
-from typing import Any, TypeVar
+from typing import Any
 
 import control as ct
 import numpy as np
@@ -20,69 +18,11 @@ from nrdob.plants import lags
 from .problems import Lack
 
 __all__ = [
-    "POINTS", "TRIES", "LoopCase", "UnstablePlant", "alike", "all_pole", "apart", "draw",
-    "either_sign", "factored", "few", "first_fitting", "fitting", "grid_peak", "kept", "mirrored",
+    "POINTS", "LoopCase", "UnstablePlant", "alike", "all_pole", "factored", "grid_peak", "mirrored",
     "mirrored_pair", "not_around", "observer_stable", "on_the_right", "s",
 ]  # fmt: skip
 
-T = TypeVar("T")
-
-TRIES = 2000
-
-kept = lru_cache(maxsize=512)
-"""Keeps what a grader has found out about a case, by the case itself, not by its numbers."""
-
 s = ct.tf("s")
-
-
-def few(value: float, digits: int = 2) -> float:
-    """Round to a few significant digits, so that a case is short to print.
-
-    >>> few(0.12345), few(1234.5, 3)
-    (0.12, 1230.0)
-    """
-    return float(f"{value:.{digits}g}")
-
-
-def draw(rng: np.random.Generator, low: float, high: float) -> float:
-    """Draw a number of two digits, evenly on a log scale."""
-    return few(float(np.exp(rng.uniform(np.log(low), np.log(high)))))
-
-
-def either_sign(rng: np.random.Generator) -> float:
-    """Draw 1 or -1."""
-    return float(rng.choice([-1, 1]))
-
-
-def first_fitting(draw: Callable[[], T], fits: Callable[[T], bool], tries: int = TRIES) -> T:
-    """Draw until a case fits; a RuntimeError says that a generator has become too strict.
-
-    >>> numbers = iter(range(10))
-    >>> first_fitting(lambda: next(numbers), lambda n: n > 3)
-    4
-    """
-    for _ in range(tries):
-        if fits(case := draw()):
-            return case
-    raise RuntimeError(f"none of {tries} cases drawn fits")
-
-
-Drawing = Callable[[np.random.Generator], T]
-
-
-def fitting(fits: Callable[[Any], bool]) -> Callable[[Drawing[T]], Drawing[T]]:
-    """Make the decorated function draw until a case fits, see `first_fitting`."""
-    return lambda draw: lambda rng: first_fitting(lambda: draw(rng), fits)
-
-
-def apart(*values: Any, by: float = 0.02) -> bool:
-    """Tell whether numbers, or tuples of numbers, differ from one another by more than a share.
-
-    >>> apart(1.0, 1.5, -1.0), apart((1, 2), (1, 3)), apart(1.0, 1.01)
-    (True, True, False)
-    """
-    pairs = combinations([np.asarray(value, dtype=float) for value in values], 2)
-    return all(np.any(abs(a - b) > by * np.maximum(abs(a), abs(b))) for a, b in pairs)
 
 
 def on_the_right(*roots: Any) -> int:
@@ -132,13 +72,7 @@ def not_around(plant: Any, loop: Any) -> str:
 
 @dataclass(frozen=True, eq=False)
 class LoopCase:
-    """A loop.
-
-    Attributes
-    ----------
-    loop : NRDOB
-        The loop: its `process`, `model`, `controller` and `filter`.
-    """
+    """A loop: its `process`, `model`, `controller` and `filter`."""
 
     loop: NRDOB
 
@@ -147,10 +81,7 @@ class LoopCase:
 class UnstablePlant:
     """A plant gain/((s - pole)(s + decay)).
 
-    Attributes
-    ----------
-    gain, pole, decay : float
-        The gain of either sign; `pole` and `decay` positive, in rad/s.
+    `gain`: of either sign; `pole`, `decay`: positive, in rad/s.
     """
 
     gain: float

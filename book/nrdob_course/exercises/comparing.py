@@ -10,10 +10,16 @@ import numpy as np
 
 from nrdob.diagram import LowPassFilter
 
-__all__ = ["FOUR_DIGITS", "near", "rounds", "same", "same_parts"]
+__all__ = ["FOUR_DIGITS", "LEEWAY", "READING", "near", "rounds", "same", "unlike"]
 
 FOUR_DIGITS = 6e-4
 """By how much a number may differ that is given to four digits, as a share of it."""
+
+LEEWAY = 1 + 6e-3
+"""By what factor a limit may be exceeded by what is given to three digits."""
+
+READING = 0.08
+"""How far a number that is read off a figure may be from the true one."""
 
 
 def same(expected: Any, got: Any, rtol: float = FOUR_DIGITS) -> bool:
@@ -45,14 +51,14 @@ def same(expected: Any, got: Any, rtol: float = FOUR_DIGITS) -> bool:
     return bool(np.allclose(b, a, rtol=rtol, atol=rounding, equal_nan=True))
 
 
-def same_parts(names: Iterable[str], right: Iterable[Any], got: Iterable[Any]) -> dict[str, bool]:
-    """Compare an answer part by part, each part by its name.
+def unlike(right: Iterable[Any], got: Iterable[Any], lacks: Mapping[str, str]) -> dict[str, str]:
+    """Compare an answer part by part: what each lacks, by its name, is empty if it is right.
 
-    >>> same_parts(("m", "delay"), (3, 0.5), (3, 0.6))
-    {'m': True, 'delay': False}
+    >>> unlike((3, 0.5), (3, 0.6), {"m": "not the window", "delay": "not its delay"})
+    {'m': '', 'delay': 'not its delay'}
     """
-    pairs = zip(names, right, got, strict=True)
-    return {name: same(expected, given) for name, expected, given in pairs}
+    each = zip(lacks.items(), right, got, strict=True)
+    return {name: "" if same(true, given) else lack for (name, lack), true, given in each}
 
 
 def _numbers(value: Any) -> Any:

@@ -13,7 +13,7 @@ from nrdob.loop import NRDOB
 from nrdob.numerics import ComplexArray, FloatArray, number, written
 from nrdob.plotting import COLOURS, INK, SHORT, TALL, Figure, axes_for, colour_of, styled
 
-from .cases import few
+from .drawing import few
 
 __all__ = ["Peaks", "draw_crossing", "draw_gains", "draw_peaks", "draw_without_count"]
 

@@ -30,8 +30,8 @@ from .comparing import same
 from .reading import as_given
 
 __all__ = [
-    "BUDGET", "Case", "Feedback", "Lack", "Misconception", "Points", "Problem", "any_of", "lacking",
-    "pose", "put_right", "reading", "texts_of",
+    "BUDGET", "Case", "Feedback", "Lack", "Misconception", "Points", "Problem", "any_of",
+    "first_of", "lacking", "pose", "put_right", "reading", "texts_of",
 ]  # fmt: skip
 
 Case = Any
@@ -39,6 +39,9 @@ Case = Any
 
 Draw = Callable[[np.random.Generator], Case]
 """Draws a case."""
+
+Parts = Callable[[Case, Any], Mapping[str, str]]
+"""Tells what each part of an answer to a case lacks."""
 
 BUDGET = 60.0
 """Seconds that a cell may take when it is graded; `check` tells how much of them it needs."""
@@ -59,7 +62,7 @@ class Misconception:
     kind : str
         What an answer lacks, see `Lack`, if it is recognised by that.
     back : callable, optional
-        Converts what was given to what is asked for, if it is recognised by being right then.
+        Converts what was given, if it is recognised by being right then.
     several : callable, optional
         All answers that it leads to, if there are more than the example's.
     name : str
@@ -93,6 +96,11 @@ def put_right(example: Callable[[Case], Any], back: Callable[[Any], Any]) -> Mis
 def lacking(kind: str, example: Callable[[Case], Any]) -> Misconception:
     """Make a misconception that is recognised by what its answers lack."""
     return Misconception(example, kind=kind)
+
+
+def first_of(parts: Parts) -> Callable[[Case, Any], str]:
+    """Tell of an answer what the first of its parts that is not right lacks."""
+    return lambda case, got: next(filter(None, parts(case, got).values()), "")
 
 
 def reading(readings: Callable[[Case], Mapping[str, Any]], name: str) -> Callable[[Case], Any]:
@@ -199,8 +207,10 @@ class Problem:
     rounded : callable, optional
         Tells whether an answer that fails is right but for rounding.
     parts : callable, optional
-        Tells which of several independent parts of an answer are right, each by its name. An answer
-        earns the share of the parts that are right in every case.
+        Tells what each of several independent parts of an answer lacks, by its name. An answer
+        earns the share of the parts that lack nothing in any case.
+    makes : callable
+        Makes of what is drawn the case that is posed, the same of the same.
     drawn_as : str
         The name under which cases are drawn, if several problems share them; else their own.
     """
@@ -214,7 +224,8 @@ class Problem:
     own: bool = False
     reads: Callable[[Any], Any] = as_given
     rounded: Callable[[Case, Any], bool] | None = None
-    parts: Callable[[Case, Any], Mapping[str, bool]] | None = None
+    parts: Parts | None = None
+    makes: Callable[[Any], Case] = as_given
     drawn_as: str = ""
 
     def accepts(self, case: Case, got: Any) -> bool:
@@ -258,10 +269,10 @@ class Problem:
         rng, cases = _begun(kinds, start)
         while len(cases) < count:
             cases.append(kinds[(start + len(cases)) % len(kinds)](rng))
-        return cases[:count]
+        return [self.makes(case) for case in cases[:count]]
 
 
-@lru_cache(maxsize=512)
+@lru_cache(maxsize=2048)
 def _begun(kinds: tuple[Draw, ...], seed: int) -> tuple[np.random.Generator, list[Case]]:
     """Give what draws the cases of one seed, and those that were asked for before."""
     return np.random.default_rng(seed), []

@@ -76,7 +76,7 @@ def review(
         return Feedback(0.0, "The answer must be a function of a case; this is a value.")
     tried: list[_Tried] = []
     for count, case in enumerate(cases):
-        seen = f"{case}" if shown is None or count < shown else ""
+        seen = case if shown is None or count < shown else OTHER
         try:
             # A copy, so that an answer which changes its case is judged on the case it was given.
             got = _quietly(answer, copy.deepcopy(case))
@@ -85,7 +85,7 @@ def review(
         except (Exception, SystemExit) as error:
             return Feedback(0.0, _told(error, answer, seen))
         if got is None or got is Ellipsis:
-            return Feedback(0.0, SOMETIMES.format(case=seen or OTHER) if tried else NOTHING)
+            return Feedback(0.0, SOMETIMES.format(case=seen) if tried else NOTHING)
         tried.append(_tried(problem, case, got))
     return _judge(problem, tried, shown)
 
@@ -113,10 +113,10 @@ def _quietly(function: Callable[..., Any], *arguments: Any) -> Any:
 OTHER = "a case that is not your own"
 
 
-def _told(error: BaseException, answer: Any, case: str) -> str:
-    """Tell an error, and the line of the answer that it comes from; no words of it for no case."""
+def _told(error: BaseException, answer: Any, case: Case) -> str:
+    """Tell an error, and the line of the answer that it comes from; no words of it for `OTHER`."""
     name = type(error).__name__
-    if not case:  # a name, too, can be made up of what nobody is to see
+    if case is OTHER:  # a name, too, can be made up of what nobody is to see
         name = f", {name}," if hasattr(builtins, name) else ""
         return f"Your function ends with an error{name} for {OTHER}. {HIDDEN.partition('. ')[2]}"
     file = getattr(getattr(answer, "__code__", None), "co_filename", None)
@@ -165,11 +165,18 @@ class _Tried:
 
 
 def _tried(problem: Problem, case: Case, given: Any) -> _Tried:
+    got = None
     try:
         got = _quietly(problem.reads, given)
+        lack = _quietly(problem.lacks, case, got)
     except Exception as error:
-        return _Tried(case, given, None, _unusable(error))
-    return _Tried(case, given, got, _lack(problem, case, got))
+        return _Tried(case, given, got, _unusable(error))
+    if not isinstance(lack, str):
+        raise TypeError(
+            f"lacks of problem {problem.id} gives {lack!r}; it must give a sentence that says what "
+            "the answer lacks, or an empty one if it lacks nothing"
+        )
+    return _Tried(case, given, got, lack)
 
 
 def _judge(problem: Problem, tried: Sequence[_Tried], shown: int | None = None) -> Feedback:
@@ -180,7 +187,10 @@ def _judge(problem: Problem, tried: Sequence[_Tried], shown: int | None = None) 
     earned = sum(right.values()) / len(right) if right else 0.0
 
     def recognised(how: Callable[[_Tried], Any]) -> bool:
-        return all(each.got is not None and _holds(how, each) for each in failing)
+        try:
+            return all(each.got is not None and _quietly(how, each) for each in failing)
+        except Exception:
+            return False
 
     is_rounded = problem.rounded
     if is_rounded and recognised(lambda each: is_rounded(each.case, each.got)):
@@ -210,20 +220,7 @@ def _right_parts(problem: Problem, tried: Sequence[_Tried]) -> dict[str, bool]:
         found = [_quietly(problem.parts, each.case, each.got) for each in tried]
     except Exception:  # what cannot be taken apart has no parts that are right
         return {}
-    return {name: all(parts[name] for parts in found) for name in found[0]}
-
-
-def _lack(problem: Problem, case: Case, got: Any) -> str:
-    try:
-        lack = _quietly(problem.lacks, case, got)
-    except Exception as error:
-        return _unusable(error)
-    if not isinstance(lack, str):
-        raise TypeError(
-            f"lacks of problem {problem.id} gives {lack!r}; it must give a sentence that says what "
-            "the answer lacks, or an empty one if it lacks nothing"
-        )
-    return lack
+    return {name: not any(parts[name] for parts in found) for name in found[0]}
 
 
 def _unusable(error: Exception) -> str:
@@ -238,10 +235,3 @@ def _recognises(misconception: Misconception, tried: _Tried) -> bool:
     if misconception.kind:
         return isinstance(tried.lack, Lack) and tried.lack.kind == misconception.kind
     return bool(misconception.recognises and misconception.recognises(tried.case, tried.got))
-
-
-def _holds(how: Callable[[_Tried], Any], tried: _Tried) -> bool:
-    try:
-        return bool(_quietly(how, tried))
-    except Exception:
-        return False

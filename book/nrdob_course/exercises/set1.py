@@ -17,13 +17,14 @@ from nrdob.loop import NRDOB
 from nrdob.numerics import FloatArray
 from nrdob.plotting import Figure
 
-from .cases import POINTS, apart, draw, few, first_fitting
+from .cases import POINTS
 from .comparing import FOUR_DIGITS, near, rounds
+from .drawing import apart, draw, few, fitting
 from .figures import draw_gains
-from .problems import pose, put_right, reading
+from .problems import first_of, pose, put_right, reading
 from .reading import UnreadableError, number, numbers, polynomial
 
-__all__ = ["PROBLEMS"]
+__all__ = ["POLYNOMIAL", "READING", "SETTLED"]
 
 
 def _gain_error(rng: np.random.Generator) -> float:
@@ -121,8 +122,8 @@ SETTLED = pose(
     alike=lambda table, rows: np.allclose(_table(table), rows, rtol=1e-3, atol=1e-6),
     case=_settled_case,
     reads=_table,
-    lacks=lambda case, rows: next(filter(None, _unsettled(case, rows).values()), ""),
-    parts=lambda case, rows: {name: not lack for name, lack in _unsettled(case, rows).items()},
+    lacks=first_of(_unsettled),
+    parts=_unsettled,
     rounded=lambda case, rows: rounds(_table(settled_table(case)), rows),
     misconceptions={
         "an ordinary loop of C and G": _ordinary_loop,
@@ -162,11 +163,11 @@ class PolynomialCase:
     order: int
 
     def __repr__(self) -> str:
-        blocks = (f"{name} = {np.round(getattr(self, name), 4).tolist()}" for name in _PARTS)
+        blocks = (
+            f"{name} = {np.round(getattr(self, name), 4).tolist()}"
+            for name in ("N", "D", "Nm", "Dm")
+        )
         return f"{', '.join(blocks)}, λ = {self.time_constant:g} s, n = {self.order}"
-
-
-_PARTS = ("N", "D", "Nm", "Dm")
 
 
 def _polynomial_case(rng: np.random.Generator) -> PolynomialCase:
@@ -292,6 +293,18 @@ class SensitivityCase:
         return draw_gains(self.omega, {"S_d": self.S_d}, alt, title=title, ylabel="$|S_d|$")
 
 
+def _told_apart(drawn: tuple[SensitivityCase, NRDOB]) -> bool:
+    case, loop = drawn
+    found = gain_readings(case)
+    units = [found.pop(unit) for unit in ("hertz", "decibels")]
+    return (
+        apart(*found.values(), by=0.3)
+        and all(apart(unit, other, by=0.13) for unit in units for other in found.values())
+        and loop.stability().stable is True
+    )
+
+
+@fitting(_told_apart)
 def draw_sensitivity(rng: np.random.Generator) -> tuple[SensitivityCase, NRDOB]:
     """Draw a loop, and what is measured of it."""
     order, constant, gain = int(rng.integers(2, 4)), draw(rng, 0.05, 0.5), draw(rng, 2, 9)
@@ -301,20 +314,6 @@ def draw_sensitivity(rng: np.random.Generator) -> tuple[SensitivityCase, NRDOB]:
     loop = NRDOB(plant, model, 1 / gain, LowPassFilter(constant, order))
     omega = np.geomspace(1e-3, 10, 600) / constant
     return SensitivityCase(gain, constant, order, omega, np.abs(loop.S_d(1j * omega))), loop
-
-
-def _sensitivity_case(rng: np.random.Generator) -> SensitivityCase:
-    def fits(drawn: tuple[SensitivityCase, NRDOB]) -> bool:
-        case, loop = drawn
-        found = gain_readings(case)
-        units = [found.pop(unit) for unit in ("hertz", "decibels")]
-        return (
-            apart(*found.values(), by=0.3)
-            and all(apart(unit, other, by=0.13) for unit in units for other in found.values())
-            and loop.stability().stable is True
-        )
-
-    return first_fitting(lambda: draw_sensitivity(rng), fits)[0]
 
 
 def gain_readings(case: SensitivityCase) -> dict[str, float]:
@@ -352,7 +351,7 @@ def _gain_lacks(case: SensitivityCase, got: float) -> str:
 READING = pose(
     "1.4",
     alike=partial(near, tolerance=READ_OFF),
-    case=_sensitivity_case,
+    case=lambda rng: draw_sensitivity(rng)[0],
     reads=number,
     lacks=_gain_lacks,
     own=True,
@@ -365,6 +364,3 @@ READING = pose(
         "decibels": put_right(reading(gain_readings, "decibels"), lambda got: 10 ** (got / 20)),
     },
 )
-
-
-PROBLEMS = (SETTLED, POLYNOMIAL, READING)

@@ -13,12 +13,13 @@ from nrdob.diagram import LowPassFilter, as_fraction
 from nrdob.loop import NRDOB
 from nrdob.numerics import ComplexArray
 
-from .cases import POINTS, LoopCase, draw, few, fitting
+from .cases import POINTS, LoopCase
 from .comparing import FOUR_DIGITS
+from .drawing import draw, few, fitting
 from .problems import Lack, Misconception, lacking, pose
 from .reading import block, lowpass, number, things
 
-__all__ = ["PROBLEMS"]
+__all__ = ["TWIN", "WISHES"]
 
 # --- 1.5 Find the error: three degrees of freedom -----------------------------------------------
 
@@ -261,6 +262,3 @@ WISHES = pose(
         ),
     },
 )
-
-
-PROBLEMS = (TWIN, WISHES)

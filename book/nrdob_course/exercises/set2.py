@@ -14,24 +14,14 @@ from nrdob.diagram import LowPassFilter
 from nrdob.loop import NRDOB
 from nrdob.numerics import ComplexArray, FloatArray, QuasiPolynomial
 
-from .cases import (
-    LoopCase,
-    apart,
-    draw,
-    factored,
-    few,
-    first_fitting,
-    kept,
-    observer_stable,
-    on_the_right,
-    s,
-)
-from .comparing import same
-from .problems import Misconception, any_of, pose, reading
+from .cases import LoopCase, factored, observer_stable, on_the_right, s
+from .comparing import same, unlike
+from .drawing import apart, draw, few, first_fitting, kept
+from .problems import Misconception, any_of, first_of, pose, reading
 from .reading import number as one_number
 from .reading import numbers
 
-__all__ = ["PROBLEMS"]
+__all__ = ["CLOSING", "READING", "TURNS"]
 
 # --- 2.1 Turns from a list of roots -------------------------------------------------------------
 
@@ -206,32 +196,27 @@ def _misread(wrong: Callable[[float, float, float], Reading]) -> Callable[[PlotC
     return lambda case: wrong(*_reading(case))
 
 
-def _plot_lacks(case: PlotCase, got: FloatArray) -> str:
-    N, P, _ = _reading(case)
-    if got[0] != N:
-        return (
-            "the first number is not what the plot does around -1. Draw a ray from -1 to the far "
-            "left: where the plot crosses it upwards it has made a clockwise encirclement, where "
-            "downwards an anticlockwise one. Both halves count, the solid and the dashed"
-        )
-    if got[1] != P:
-        return (
-            "N is right, P is not: it counts the poles of the plant and the zeros of the model on "
-            "the right, whether they cancel or not"
-        )
-    if got[2] != N + P:
-        return "N and P are right, and Z does not follow from them: Z = N + P"
-    return ""
+def _misread_numbers(case: PlotCase, got: FloatArray) -> dict[str, str]:
+    return unlike(
+        _reading(case),
+        got,
+        {
+            "N": "the first number is not what the plot does around -1. Draw a ray from -1 to the "
+            "far left: where the plot crosses it upwards it has made a clockwise encirclement, "
+            "where downwards an anticlockwise one. Both halves count, the solid and the dashed",
+            "P": "N is right, P is not: it counts the poles of the plant and the zeros of the "
+            "model on the right, whether they cancel or not",
+            "Z": "N and P are right, and Z does not follow from them: Z = N + P",
+        },
+    )
 
 
 READING = pose(
     "2.3",
     case=_plot_case,
     reads=partial(numbers, names="N, P, Z", gaps=True),
-    lacks=_plot_lacks,
-    parts=lambda case, got: dict(
-        zip("NPZ", (same(*each) for each in zip(_reading(case), got, strict=True)), strict=True)
-    ),
+    lacks=first_of(_misread_numbers),
+    parts=_misread_numbers,
     own=True,
     misconceptions={
         "P counted after cancellation": _misread(lambda N, P, Z: (N, P - 1, Z - 1)),
@@ -269,16 +254,35 @@ class HalfCurve:
 def _half_curve(way: int, rng: np.random.Generator) -> HalfCurve:
     """Draw a curve that turns clockwise, 1, or the other way, -1."""
 
+    def drawn() -> tuple[HalfCurve, FloatArray, FloatArray]:
+        zeros, poles, integrators, size = first_fitting(
+            lambda: _draw_ratio(rng), lambda r: way * (on_the_right(r[0]) - on_the_right(r[1])) > 0
+        )
+        above, below = np.poly(zeros), np.append(np.poly(poles), np.zeros(integrators))
+        omega = np.geomspace(1e-5, 1e5, 5001)
+        ratio = np.polyval(above, 1j * omega) / np.polyval(below, 1j * omega)
+        # Small in the middle, so that the encirclements of -1 are not those of 0.
+        gain = np.sign(size) * few(abs(size) / np.abs(ratio).min())
+        curve = HalfCurve(omega, gain * ratio - 1, integrators, above.size - below.size)
+        return curve, gain * above, below
+
     def fits(drawn: tuple[HalfCurve, FloatArray, FloatArray]) -> bool:
         case, above, below = drawn
-        return (
-            way * _closed(case) > 0
-            and _unambiguous(case)
-            and judge("H", [QuasiPolynomial(below)], QuasiPolynomial(above)).encirclements
-            == _closed(case)
+        return _unambiguous(case) and _closed(case) == (
+            judge("H", [QuasiPolynomial(below)], QuasiPolynomial(above)).encirclements
         )
 
-    return first_fitting(lambda: _draw_half_curve(rng), fits)[0]
+    return first_fitting(drawn, fits)[0]
+
+
+def _draw_ratio(rng: np.random.Generator) -> tuple[list[float], list[float], int, float]:
+    """Draw a plant with integrators over a model with more lags: zeros, poles, and the size."""
+    integrators, excess, others = (int(k) for k in rng.integers(1, 3, 3))
+    poles, zeros = (
+        [side * draw(rng, 0.3, 9) for side in rng.choice([-1, 1], degree, p=[0.6, 0.4])]
+        for degree in (others, others + integrators + excess)
+    )
+    return zeros, poles, integrators, rng.choice([-1, 1]) * rng.uniform(0.1, 0.5)
 
 
 def _unambiguous(case: HalfCurve) -> bool:
@@ -292,24 +296,6 @@ def _unambiguous(case: HalfCurve) -> bool:
         # Clockwise curves of which this is true, too, are too rare to be found.
         and (right > 0 or apart(found["jumps"], found["around zero"], by=0.05))
     )
-
-
-def _draw_half_curve(rng: np.random.Generator) -> tuple[HalfCurve, FloatArray, FloatArray]:
-    """Draw H = G/Gm - 1 of a plant with integrators and a model with more lags than the plant."""
-    integrators, excess, others = (int(k) for k in rng.integers(1, 3, 3))
-
-    def polynomial(degree: int) -> FloatArray:
-        sides = rng.choice([-1, 1], degree, p=[0.6, 0.4])
-        return np.atleast_1d(np.poly([side * draw(rng, 0.3, 9) for side in sides]))
-
-    below = np.append(polynomial(others), np.zeros(integrators))
-    above = polynomial(below.size - 1 + excess)
-    omega = np.geomspace(1e-5, 1e5, 5001)
-    ratio = np.polyval(above, 1j * omega) / np.polyval(below, 1j * omega)
-    # Small in the middle, so that the encirclements of -1 are not those of 0.
-    gain = rng.choice([-1, 1]) * few(rng.uniform(0.1, 0.5) / np.abs(ratio).min())
-    above = gain * above
-    return HalfCurve(omega, gain * ratio - 1, integrators, excess), above, below
 
 
 def _clockwise(values: ComplexArray) -> float:
@@ -394,6 +380,3 @@ CLOSING = pose(
         "negative frequencies forgotten": reading(_readings, "one half"),
     },
 )
-
-
-PROBLEMS = (TURNS, READING, CLOSING)

@@ -13,10 +13,11 @@ from nrdob.diagram import LowPassFilter, Quotient
 from nrdob.loop import NRDOB
 from nrdob.numerics import ComplexArray
 
-from .cases import UnstablePlant, alike, draw, either_sign, few, mirrored, not_around, s
+from .cases import UnstablePlant, alike, mirrored, not_around, s
+from .drawing import draw, either_sign, few
 from .problems import Lack, lacking, pose
 
-__all__ = ["PROBLEMS"]
+__all__ = ["LITERAL", "UNTURNED"]
 
 # --- 2.5 Lemma 1, read literally ----------------------------------------------------------------
 
@@ -190,6 +191,3 @@ UNTURNED = pose(
         ),
     },
 )
-
-
-PROBLEMS = (LITERAL, UNTURNED)

@@ -18,13 +18,13 @@ from nrdob.numerics import ComplexArray, FloatArray
 from nrdob.plants import antiresonance, resonance
 from nrdob.plotting import Figure
 
-from .cases import apart, draw, first_fitting, kept
 from .comparing import near, rounds, same
+from .drawing import apart, draw, first_fitting, fitting, kept
 from .figures import draw_gains
-from .problems import pose, put_right, reading
+from .problems import first_of, pose, put_right, reading
 from .reading import number, numbers
 
-__all__ = ["PROBLEMS"]
+__all__ = ["DELAY_MARGIN", "NOISE_MAP", "PROMISE"]
 
 
 # --- 3.1 What M_s promises ----------------------------------------------------------------------
@@ -47,22 +47,24 @@ def _promised(case: PeakCase) -> MarginBounds:
     return margin_bounds(case.ms)
 
 
-def _distances(case: PeakCase, got: FloatArray) -> dict[str, tuple[str, float]]:
-    """Tell for each of the three numbers which point it moves to -1, and how far that is."""
+def _broken(case: PeakCase, got: FloatArray) -> dict[str, str]:
+    """Tell of each of the three numbers which point it moves to -1, unless that is 1/Ms off."""
     low, high, angle = map(float, got)
+
+    def lack(point: str, distance: float) -> str:
+        if abs(distance * case.ms - 1) <= 1e-3:
+            return ""
+        return (
+            f"{point} is at the distance {distance:.4g} from -1, not 1/Ms = {1 / case.ms:.4g}; "
+            "the curve may come as near as that, and no nearer"
+        )
+
+    chord = 2 * sin(radians(angle) / 2) if 0 < angle < 180 else -1.0
     return {
-        "high": (f"upper gain: the point -1/{high:.4g}", 1 - 1 / high if high else nan),
-        "low": (f"lower gain: the point -1/{low:.4g}", 1 / low - 1 if low else nan),
-        "angle": (
-            f"angle: the point of the unit circle that is {angle:.4g}° from -1",
-            2 * sin(radians(angle) / 2) if 0 < angle < 180 else -1.0,
-        ),
+        "high": lack(f"upper gain: the point -1/{high:.4g}", 1 - 1 / high if high else nan),
+        "low": lack(f"lower gain: the point -1/{low:.4g}", 1 / low - 1 if low else nan),
+        "angle": lack(f"angle: the point of the unit circle that is {angle:.4g}° from -1", chord),
     }
-
-
-def _kept_promises(case: PeakCase, got: FloatArray) -> dict[str, bool]:
-    found = _distances(case, got)
-    return {name: abs(at * case.ms - 1) <= 1e-3 for name, (_, at) in found.items()}
 
 
 def _promise_lacks(case: PeakCase, got: FloatArray) -> str:
@@ -71,14 +73,7 @@ def _promise_lacks(case: PeakCase, got: FloatArray) -> str:
         return "the loop is stable as it is: the lower gain is below 1 and the upper above"
     if not 0 < angle < 180:
         return "the angle is asked for in degrees, between 0 and 180"
-    for name, right in _kept_promises(case, got).items():
-        if not right:
-            where, found = _distances(case, got)[name]
-            return (
-                f"{where} is at the distance {found:.4g} from -1, not 1/Ms = {1 / case.ms:.4g}; "
-                "the curve may come as near as that, and no nearer"
-            )
-    return ""
+    return first_of(_broken)(case, got)
 
 
 def _as_factors(got: FloatArray) -> FloatArray:
@@ -92,7 +87,7 @@ PROMISE = pose(
     case=lambda rng: PeakCase(round(float(rng.uniform(1.2, 1.9)), 2)),
     reads=partial(numbers, names="low, high, angle", gaps=True),
     lacks=_promise_lacks,
-    parts=_kept_promises,
+    parts=_broken,
     rounded=lambda case, got: rounds(_promised(case), got),
     misconceptions={
         "angle in radians": lambda case: _promised(case)._replace(pm=radians(_promised(case).pm)),
@@ -301,7 +296,13 @@ def noise_readings(case: NoiseCase) -> dict[str, float]:
     }
 
 
-def _noisy(rng: np.random.Generator) -> tuple[NoiseCase, NRDOB]:
+def _told_apart(drawn: tuple[NoiseCase, NRDOB]) -> bool:
+    case, loop = drawn
+    return apart(*noise_readings(case).values(), by=0.25) and loop.stability().stable is True
+
+
+@fitting(_told_apart)
+def draw_noise_loop(rng: np.random.Generator) -> tuple[NoiseCase, NRDOB]:
     """Draw a loop, and what is drawn of it."""
     constant, gain, pole = draw(rng, 0.05, 0.5), draw(rng, 0.5, 5), draw(rng, 0.5, 3)
     model = ct.tf([gain], [1 / pole, 1])
@@ -311,14 +312,6 @@ def _noisy(rng: np.random.Generator) -> tuple[NoiseCase, NRDOB]:
     omega = np.geomspace(0.01, 100, 2001) * loop.filter.bandwidth
     S_d, S_eta, F = (np.abs(of(1j * omega)) for of in (loop.S_d, loop.S_eta, loop.F))
     return NoiseCase(float(rng.integers(7, 13)), omega, S_d, S_eta, F), loop
-
-
-def draw_noise_loop(rng: np.random.Generator) -> tuple[NoiseCase, NRDOB]:
-    def fits(drawn: tuple[NoiseCase, NRDOB]) -> bool:
-        case, loop = drawn
-        return apart(*noise_readings(case).values(), by=0.25) and loop.stability().stable is True
-
-    return first_fitting(lambda: _noisy(rng), fits)
 
 
 def _noise_lacks(case: NoiseCase, omega: float) -> str:
@@ -351,6 +344,3 @@ NOISE_MAP = pose(
         ),
     },
 )
-
-
-PROBLEMS = (PROMISE, DELAY_MARGIN, NOISE_MAP)

@@ -14,11 +14,13 @@ from nrdob.analysis import LoopMargins
 from nrdob.diagram import LowPassFilter
 from nrdob.loop import NRDOB
 
-from .cases import LoopCase, draw, few, fitting, kept, observer_stable
+from .cases import LoopCase, observer_stable
+from .comparing import LEEWAY
+from .drawing import draw, few, fitting, kept
 from .problems import Lack, Misconception, lacking, pose
 from .reading import lowpass, number
 
-__all__ = ["PROBLEMS"]
+__all__ = ["DESIGN", "GAIN"]
 
 
 # --- 3.5 Find the error: the margin of FH -------------------------------------------------------
@@ -63,6 +65,7 @@ def _gain_case(rng: np.random.Generator) -> GainCase:
     return GainCase(loop)
 
 
+@kept
 def _gain_lacks(case: GainCase, k: float) -> str:
     fh = _margins(case).observer_loop
     if not fh.gm_low < k < fh.gm_high:
@@ -184,10 +187,6 @@ def _fastest(case: MarginCase, which: str) -> float:
     return high
 
 
-WITHIN = 6e-3
-"""By what share a limit may be missed: that is three digits of λ."""
-
-
 def _design_lacks(case: MarginCase, filter: Any) -> str:
     loop = case.loop(filter)
     if loop.stability().stable is not True:
@@ -195,18 +194,18 @@ def _design_lacks(case: MarginCase, filter: Any) -> str:
     true = loop.margins().plant_loop
     size = float(abs(loop.S_d(1j * case.omega)))
     lacks = []
-    if true.ms > case.ms * (1 + WITHIN):
+    if true.ms > case.ms * LEEWAY:
         lacks.append(Lack("ms", f"Ms of L is {true.ms:.4g}"))
-    if true.delay_margin < case.delay_margin * (1 - WITHIN):
+    if true.delay_margin < case.delay_margin / LEEWAY:
         lacks.append(Lack("delay", f"the delay margin is {true.delay_margin:.4g} s"))
-    if size > case.rejection * (1 + WITHIN):
+    if size > case.rejection * LEEWAY:
         lacks.append(Lack("rejection", f"|S_d| is {size:.4g} at {case.omega:g} rad/s"))
     return lacks[0] if len(lacks) == 1 else ", ".join(lacks)
 
 
 def _trusts_FH(case: MarginCase, filter: Any) -> bool:
     found = case.loop(filter).margins()
-    return bool(found.observer_loop.ms <= case.ms * (1 + WITHIN) < found.plant_loop.ms)
+    return bool(found.observer_loop.ms <= case.ms * LEEWAY < found.plant_loop.ms)
 
 
 def _slower(share: float, which: str) -> Callable[[MarginCase], LowPassFilter]:
@@ -225,6 +224,3 @@ DESIGN = pose(
         "robust only": lacking("rejection", _slower(2.2, "plant_loop")),
     },
 )
-
-
-PROBLEMS = (GAIN, DESIGN)

@@ -23,13 +23,14 @@ from nrdob.loop import NRDOB
 from nrdob.numerics import FloatArray
 from nrdob.plotting import Figure
 
-from .cases import all_pole, apart, draw, factored, few, fitting, grid_peak, kept, observer_stable
-from .comparing import near, rounds, same
+from .cases import all_pole, factored, grid_peak, observer_stable
+from .comparing import READING, near, rounds, same
+from .drawing import apart, draw, few, fitting, kept
 from .figures import Peaks, draw_peaks
 from .problems import Misconception, any_of, pose, put_right
 from .reading import lowpass, number, numbers, things, whole
 
-__all__ = ["PROBLEMS"]
+__all__ = ["CARD", "FASTEST_ORDER", "THREE_PLANTS"]
 
 
 # --- 4.1 The card -------------------------------------------------------------------------------
@@ -92,11 +93,7 @@ EDGE = 1.01
 
 def _off(case: CardCase, got: FloatArray) -> dict[str, str]:
     """Tell of each number why it is no edge; empty if it is one."""
-    each = zip(ERRORS, _plants(case), got, _edges(case), strict=True)
-    return {
-        name: _off_the_edge(plant, case.order, float(value), edge)
-        for name, plant, value, edge in each
-    }
+    return {name: _off_the_edge(case, k, float(got[k])) for k, name in enumerate(ERRORS)}
 
 
 def _on_the_edge(case: CardCase, got: FloatArray) -> str:
@@ -105,16 +102,19 @@ def _on_the_edge(case: CardCase, got: FloatArray) -> str:
     return "; ".join(f"{how} for {' and '.join(names[how])}" for how in names)
 
 
-def _off_the_edge(plant: Any, order: int, value: float, edge: float) -> str:
+@kept
+def _off_the_edge(case: CardCase, k: int, value: float) -> str:
     """Tell whether the loop becomes unstable just below a λ, and not just above it; empty if so."""
     if not (isfinite(value) and value >= 0):
         return "it is not a time"
-    if edge == 0:
+    if _edges(case)[k] == 0:
         return "smaller λ are stable, too," if value else ""
     if value == 0:
         return "not every λ is stable"
     above, below = (
-        observer_stable(plant, ct.tf([1], [1, 1]), LowPassFilter(factor * value, order))
+        observer_stable(
+            _plants(case)[k], ct.tf([1], [1, 1]), LowPassFilter(factor * value, case.order)
+        )
         for factor in (EDGE, 1 / EDGE)
     )
     if above is not True:
@@ -133,7 +133,7 @@ CARD = pose(
     case=_card_case,
     reads=partial(numbers, names=", ".join(ERRORS), gaps=True),
     lacks=_on_the_edge,
-    parts=lambda case, got: {name: not how for name, how in _off(case, got).items()},
+    parts=_off,
     rounded=lambda case, got: rounds(_edges(case), got),
     misconceptions={
         "2θ/π for every order": _but_for(0, lambda case: 2 * case.delay / pi),
@@ -155,8 +155,6 @@ CARD = pose(
 # --- 4.2 Which order is the fastest? ------------------------------------------------------------
 
 ORDERS = (2, 3, 4)
-READING = 0.08
-"""How far a number that is read off a figure may be from the true one."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -336,13 +334,9 @@ def peaks_of(case: PlantsCase, time_constant: float, which: str = "plant_loop") 
     return [m.ms if m.stable else inf for m in found]
 
 
-THREE_DIGITS = 1.01
-"""By what factor Ms may be exceeded, for a λ of three digits."""
-
-
 def _good(case: PlantsCase, peak: float) -> bool:
-    """Tell whether a peak is within the limit."""
-    return peak <= case.max_ms * THREE_DIGITS
+    """Tell whether a peak is within the limit, for a λ of three digits."""
+    return peak <= 1.01 * case.max_ms
 
 
 def just_good(case: PlantsCase, peak: Callable[[float], float], value: float) -> bool:
@@ -446,6 +440,3 @@ THREE_PLANTS = pose(
         ),
     },
 )
-
-
-PROBLEMS = (CARD, FASTEST_ORDER, THREE_PLANTS)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from math import inf, pi
 from typing import Any, NamedTuple
@@ -10,12 +9,7 @@ from typing import Any, NamedTuple
 import control as ct
 import numpy as np
 
-from nrdob.design import (
-    disturbance_index,
-    gain_bound,
-    noise_index,
-    stable_for_slow_filters,
-)
+from nrdob.design import disturbance_index, gain_bound, noise_index, stable_for_slow_filters
 from nrdob.diagram import (
     DelayedTransferFunction,
     LowPassFilter,
@@ -26,11 +20,13 @@ from nrdob.diagram import (
 )
 from nrdob.numerics import ComplexArray, QuasiPolynomial
 
-from .cases import all_pole, draw, either_sign, factored, few, observer_stable
-from .problems import Misconception, pose
+from .cases import all_pole, factored, observer_stable
+from .comparing import LEEWAY
+from .drawing import draw, either_sign, few
+from .problems import Lack, lacking, pose
 from .reading import block
 
-__all__ = ["PROBLEMS"]
+__all__ = ["BETTER", "SLOW_FILTER"]
 
 
 # --- 4.5 Find the error: reduce the bandwidth ---------------------------------------------------
@@ -70,50 +66,31 @@ def _mirrored(case: SlowCase, gain: float) -> ct.TransferFunction:
     return gain * case.model * ct.tf([-1 / speed, 1], [1 / speed, 1])
 
 
-class _Facts(NamedTuple):
-    """What matters about a plant that is offered as a counterexample."""
-
-    stable: bool
-    g0: float
-    encirclements: int
-    slow_unstable: bool
-
-
-def _facts(case: SlowCase, plant: Any) -> _Facts:
-    blocks = ObserverEquations(plant, case.model, LowPassFilter(1.0, case.order)).fractions
+def _refutes(case: SlowCase, got: Any) -> str:
+    """Tell what keeps a plant from being a counterexample."""
+    if isinstance(got, DelayedTransferFunction) and got.delay:
+        return "it has a dead time; give a plant without one"
+    blocks = ObserverEquations(got, case.model, LowPassFilter(1.0, case.order)).fractions
     G, Gm = blocks.G, blocks.Gm
     # 1 + H = b/a: its zeros less its poles in the right half plane are the clockwise encirclements.
     a, b = QuasiPolynomial(np.convolve(G.den, Gm.num)), QuasiPolynomial(np.convolve(G.num, Gm.den))
+    if np.any(a.roots.real >= 0):
+        return Lack("unstable", "this plant is not stable")
+    g0, encirclements = float(b.q[-1] / a.q[-1]), int(np.sum(b.roots.real >= 0))
+    if not g0 > 0:
+        words = f"G(0)/model(0) is {g0:.3g}; the two are to have the same sign"
+        return Lack("sign" if g0 < 0 else "", words)
     slowest = 1 / min(float(np.abs(p.without_origin.roots).min(initial=inf)) for p in (a, b))
     filters = [LowPassFilter(factor * slowest, case.order) for factor in SLOW]
-    verdicts = [observer_stable(plant, case.model, F) for F in filters]
-    limit = stable_for_slow_filters(plant, case.model, case.order).holds
-    poles, zeros = (int(np.sum(p.roots.real >= 0)) for p in (a, b))
-    g0 = float(b.q[-1] / a.q[-1]) if a.q[-1] else inf
-    return _Facts(poles == 0, g0, zeros - poles, verdicts == [False] * 3 and limit is False)
-
-
-def _refutes(case: SlowCase, got: Any) -> str:
-    if isinstance(got, DelayedTransferFunction) and got.delay:
-        return "it has a dead time; give a plant without one"
-    facts = _facts(case, got)
-    if not facts.stable:
-        return "this plant is not stable"
-    if not facts.g0 > 0:
-        return f"G(0)/model(0) is {facts.g0:.3g}; the two are to have the same sign"
-    if not facts.slow_unstable:
-        return (
-            f"a slow enough filter makes this loop stable; G(0)/model(0) is {facts.g0:.3g}, and H "
-            f"makes {facts.encirclements} clockwise encirclements of -1"
+    unstable = all(observer_stable(got, case.model, F) is False for F in filters)
+    beyond = "H(0)" if _onset(case) < g0 <= _onset(case) + 1 else ""
+    if not unstable or stable_for_slow_filters(got, case.model, case.order).holds is not False:
+        return Lack(
+            beyond or ("zero" if encirclements and g0 <= _onset(case) else ""),
+            f"a slow enough filter makes this loop stable; G(0)/model(0) is {g0:.3g}, and H "
+            f"makes {encirclements} clockwise encirclements of -1",
         )
-    return "" if facts.encirclements >= 1 else "H does not encircle -1 clockwise"
-
-
-def _offered(
-    example: Callable[[SlowCase], Any], of_kind: Callable[[SlowCase, _Facts], bool]
-) -> Misconception:
-    """Make a misconception that is recognised by the facts about its plant."""
-    return Misconception(example, lambda case, got: of_kind(case, _facts(case, got)))
+    return "" if encirclements else Lack(beyond or "turn", "H does not encircle -1 clockwise")
 
 
 SLOW_FILTER = pose(
@@ -122,22 +99,15 @@ SLOW_FILTER = pose(
     reads=block,
     lacks=_refutes,
     misconceptions={
-        "a zero in the right half plane alone": _offered(
-            lambda case: _mirrored(case, 1.0),
-            lambda case, f: f.stable and f.encirclements >= 1 and 0 < f.g0 <= _onset(case),
+        "a zero in the right half plane alone": lacking("zero", lambda case: _mirrored(case, 1.0)),
+        "H(0) mixed up with G(0)/model(0)": lacking(
+            "H(0)", lambda case: _mirrored(case, _onset(case) + 0.5)
         ),
-        "H(0) mixed up with G(0)/model(0)": _offered(
-            lambda case: _mirrored(case, _onset(case) + 0.5),
-            lambda case, f: f.stable and _onset(case) < f.g0 <= _onset(case) + 1,
+        "no turn that could be avoided": lacking(
+            "turn", lambda case: (_onset(case) + 3) * case.model
         ),
-        "no turn that could be avoided": _offered(
-            lambda case: (_onset(case) + 3) * case.model,
-            lambda _, f: f.stable and f.g0 > 0 and f.slow_unstable and f.encirclements == 0,
-        ),
-        "opposite DC signs": _offered(lambda case: -case.model, lambda _, f: f.stable and f.g0 < 0),
-        "unstable plant": _offered(
-            lambda case: case.model * ct.tf([1, 1], [1, -1]), lambda _, f: not f.stable
-        ),
+        "opposite DC signs": lacking("sign", lambda case: -case.model),
+        "unstable plant": lacking("unstable", lambda case: case.model * ct.tf([1, 1], [1, -1])),
     },
 )
 
@@ -212,24 +182,37 @@ def _better_case(rng: np.random.Generator) -> BetterCase:
     )
 
 
-LEEWAY = 1 + 6e-3
-"""Limits, and the filter's coefficients, are given to three digits."""
-
-
 def _beats(case: BetterCase, got: Any) -> str:
     price = _price(case, got)
     if not price.causal:
-        return "F/model is not causal"
-    if observer_stable(case.model, case.model, got) is not True:
-        return "the loop is not stable"
-    if price.speed > case.fastest * LEEWAY:
-        return f"its fastest pole is {price.speed:.4g} rad/s"
-    lacks = []
-    if price.noise > case.noise * LEEWAY:
-        lacks.append(f"the noise is {price.noise:.4g}")
-    if price.error > case.error * LEEWAY:
-        lacks.append(f"the error is {price.error:.4g}")
-    return " and ".join(lacks)
+        words = "F/model is not causal"
+    elif observer_stable(case.model, case.model, got) is not True:
+        words = "the loop is not stable"
+    elif price.speed > case.fastest * LEEWAY:
+        words = f"its fastest pole is {price.speed:.4g} rad/s"
+    else:
+        each = {"noise": (price.noise, case.noise), "error": (price.error, case.error)}
+        words = " and ".join(
+            f"the {name} is {value:.4g}"
+            for name, (value, limit) in each.items()
+            if value > limit * LEEWAY
+        )
+    return words and Lack(_mistake(case, price), words)
+
+
+def _mistake(case: BetterCase, price: _Price) -> str:
+    """Tell by what a filter costs how it came about."""
+    product, order = price.noise * price.error, _order(case)
+    if not price.causal:
+        return "too few"
+    if np.abs(price.poles / price.poles.mean() - 1).max() < 0.02:
+        return "equal"
+    if product > noise_index(order) * disturbance_index(order) * LEEWAY:
+        return "flat"
+    kept = price.noise <= case.noise * LEEWAY and price.error <= case.error * LEEWAY
+    if price.speed > case.fastest * LEEWAY and kept:
+        return "fast"
+    return "scale" if product <= case.noise * case.error * LEEWAY else ""
 
 
 def _scaled(case: BetterCase, poles: list[float]) -> ct.TransferFunction:
@@ -250,13 +233,6 @@ def _butterworth(case: BetterCase) -> ct.TransferFunction:
     return ct.tf([den[-1]], den)
 
 
-def _costing(
-    example: Callable[[BetterCase], Any], of_kind: Callable[[BetterCase, _Price], Any]
-) -> Misconception:
-    """Make a misconception that is recognised by what its filter costs."""
-    return Misconception(example, lambda case, got: bool(of_kind(case, _price(case, got))))
-
-
 BETTER = pose(
     "4.6",
     case=_better_case,
@@ -264,32 +240,14 @@ BETTER = pose(
     lacks=_beats,
     own=True,
     misconceptions={
-        "too few poles": _costing(lambda case: _scaled(case, [1.0]), lambda _, p: not p.causal),
-        "equal lags": _costing(
-            lambda case: _scaled(case, [1.0] * _order(case)),
-            lambda _, p: np.abs(p.poles / p.poles.mean() - 1).max() < 0.02,
+        "too few poles": lacking("too few", lambda case: _scaled(case, [1.0])),
+        "equal lags": lacking("equal", lambda case: _scaled(case, [1.0] * _order(case))),
+        "flat rather than early": lacking("flat", _butterworth),
+        "a pole that is too fast": lacking(
+            "fast", lambda case: _scaled(case, [1.0] + [12.0] * (_order(case) - 1))
         ),
-        "flat rather than early": _costing(
-            _butterworth,
-            lambda case, p: (
-                p.noise * p.error
-                > noise_index(_order(case)) * disturbance_index(_order(case)) * LEEWAY
-            ),
-        ),
-        "a pole that is too fast": _costing(
-            lambda case: _scaled(case, [1.0] + [12.0] * (_order(case) - 1)),
-            lambda case, p: (
-                p.speed > case.fastest * LEEWAY
-                and p.noise <= case.noise * LEEWAY
-                and p.error <= case.error * LEEWAY
-            ),
-        ),
-        "right shape, wrong scale": _costing(
-            lambda case: _spread(case, 0.8 * _slow(case), 5.0),
-            lambda case, p: p.noise * p.error <= case.noise * case.error * LEEWAY,
+        "right shape, wrong scale": lacking(
+            "scale", lambda case: _spread(case, 0.8 * _slow(case), 5.0)
         ),
     },
 )
-
-
-PROBLEMS = (SLOW_FILTER, BETTER)

@@ -16,25 +16,12 @@ from nrdob.diagram import DelayedTransferFunction, LowPassFilter, as_fraction
 from nrdob.loop import NRDOB
 from nrdob.numerics import FloatArray
 
-from .cases import (
-    UnstablePlant,
-    apart,
-    draw,
-    either_sign,
-    factored,
-    few,
-    first_fitting,
-    fitting,
-    mirrored,
-    not_around,
-    observer_stable,
-    on_the_right,
-    s,
-)
+from .cases import UnstablePlant, factored, mirrored, not_around, observer_stable, on_the_right, s
+from .drawing import apart, draw, either_sign, few, first_fitting, fitting, kept
 from .problems import Lack, lacking, pose
 from .reading import UnreadableError, block, numbers, things, whole
 
-__all__ = ["PROBLEMS"]
+__all__ = ["ADVICE", "DESIGN", "SIGN"]
 
 # --- 5.1 Which sign? ----------------------------------------------------------------------------
 
@@ -108,6 +95,7 @@ def _high_frequency(pair: Pair) -> float:
     return float(a / b * c / d)
 
 
+@kept
 def _odd(pair: Pair, sign: float) -> bool:
     """Whether p_B has an odd number of unstable roots: by the rule, or counted for a filter."""
     loop = NRDOB(pair.process, sign * pair.model, 0, LowPassFilter(0.1, 2))
@@ -351,6 +339,3 @@ DESIGN = pose(
         "too much noise at the actuator": lacking("noise", lambda case: _design(case, 0.065)),
     },
 )
-
-
-PROBLEMS = (SIGN, ADVICE, DESIGN)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import partial
+from functools import cache, partial
 from math import asin, inf, log, pi
 from typing import Any
 
@@ -17,14 +17,15 @@ from nrdob.diagram import LowPassFilter, delay
 from nrdob.loop import NRDOB
 from nrdob.plotting import Figure
 
-from .cases import apart, draw, factored, few, first_fitting, fitting, kept, observer_stable, s
+from .cases import factored, observer_stable, s
 from .comparing import near, rounds, same
+from .drawing import apart, draw, few, first_fitting, fitting, kept
 from .figures import draw_crossing
 from .problems import Misconception, any_of, pose, reading
 from .reading import UnreadableError, things
 from .reading import number as one_number
 
-__all__ = ["PROBLEMS", "draw_edge"]
+__all__ = ["BORDER", "EDGE", "WAITING", "draw_edge"]
 
 # --- 5.3 How fast may the filter be? ------------------------------------------------------------
 
@@ -44,6 +45,7 @@ class FilterCase:
         return f"plant {factored(self.process)}, model {factored(self.model)}, n = {self.order}"
 
 
+@kept
 def _stable(case: FilterCase, time_constant: float) -> bool | None:
     """Judge p_B with a filter."""
     return observer_stable(case.process, case.model, LowPassFilter(time_constant, case.order))
@@ -286,6 +288,7 @@ class DelayedCase:
         return f"model {factored(late)}, dead time wrong by {self.error:g} s, n = {self.order}"
 
 
+@cache
 def _tolerated(order: int) -> float:
     """Error of the dead time, relative to λ, tolerated whatever the dead time: c_n.
 
@@ -333,13 +336,15 @@ WAITING_MISTAKES: dict[str, Callable[[DelayedCase], float]] = {
 }
 
 
-@fitting(
-    lambda case: apart(
-        case.error / _tolerated(case.order),
-        *(of(case) for of in WAITING_MISTAKES.values()),
-        by=0.004,
+def _differs(case: DelayedCase) -> bool:
+    """Whether each mistake leads elsewhere; the one that seldom does is asked first."""
+    right, each = case.error / _tolerated(case.order), WAITING_MISTAKES.values()
+    return apart(right, _today(case), by=0.004) and apart(
+        right, *(of(case) for of in each), by=0.004
     )
-)
+
+
+@fitting(_differs)
 def _waiting_case(rng: np.random.Generator) -> DelayedCase:
     pole, other = draw(rng, 0.5, 4), draw(rng, 0.5, 4)
     prompt = few(rng.uniform(0.5, 4)) / ((s / pole + 1) * (s / other + 1))
@@ -371,6 +376,3 @@ WAITING = pose(
     rounded=lambda case, got: rounds(case.error / _tolerated(case.order), got),
     misconceptions=WAITING_MISTAKES,
 )
-
-
-PROBLEMS = (BORDER, EDGE, WAITING)

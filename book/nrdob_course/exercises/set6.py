@@ -16,22 +16,13 @@ from nrdob.diagram import LowPassFilter
 from nrdob.loop import NRDOB
 from nrdob.numerics import FloatArray
 
-from .cases import (
-    apart,
-    draw,
-    either_sign,
-    factored,
-    few,
-    fitting,
-    kept,
-    mirrored_pair,
-    observer_stable,
-)
-from .comparing import same
-from .problems import Misconception, pose, put_right
-from .reading import number, numbers
+from .cases import factored, mirrored_pair, observer_stable
+from .comparing import LEEWAY, same
+from .drawing import apart, draw, either_sign, few, fitting, kept
+from .problems import Misconception, first_of, pose, put_right
+from .reading import UnreadableError, number, numbers
 
-__all__ = ["PROBLEMS"]
+__all__ = ["BENCH", "EQUAL_REJECTION", "ONE_PLANT"]
 
 
 # --- 6.1 Equal rejection ------------------------------------------------------------------------
@@ -97,6 +88,7 @@ def _rejection_case(rng: np.random.Generator) -> RejectionCase:
     return RejectionCase(plant, factor * mirrored, filter, other * mirrored, int(second))
 
 
+@kept
 def _rejects_equally(case: RejectionCase, got: float) -> str:
     loop = NRDOB(case.plant, case.other, 0.0, LowPassFilter(got, case.order))
     if loop.stability().observer_loop.stable is not True:
@@ -105,7 +97,7 @@ def _rejects_equally(case: RejectionCase, got: float) -> str:
     # Far below every corner |S_d| is a straight line.
     omega = 1e-5 / max(got, case.filter.time_constant)
     size, wanted = (float(abs(of.S_d(1j * omega))) for of in (loop, first))
-    if abs(size / wanted - 1) < 6e-3:  # three digits
+    if abs(size / wanted - 1) < LEEWAY - 1:
         return ""
     return f"at low frequency |S_d| is {size / wanted:.3g} times what it was"
 
@@ -265,10 +257,7 @@ def _peaks(case: BenchCase, which: str = "plant_loop") -> list[list[float]]:
 
 def _worst(case: BenchCase) -> list[float]:
     """Give the largest Ms for each filter, infinite where the loop is unstable."""
-    return [
-        max(found.plant_loop.ms for found in row) if all(found.stable for found in row) else inf
-        for row in _margins(case)
-    ]
+    return _largest(_peaks(case))
 
 
 def _unjudged(case: BenchCase) -> list[float]:
@@ -314,25 +303,22 @@ def _like(expected: list[float], got: FloatArray) -> bool:
     return got.size == len(expected) and bool(np.allclose(got, expected, rtol=0.01, equal_nan=True))
 
 
-def _by_filter(case: BenchCase, got: FloatArray) -> dict[str, bool]:
-    """Tell for which filters the number is right."""
-    return {
-        f"filter {k}": _like([true], np.array([value]))
-        for k, (true, value) in enumerate(zip(_worst(case), got, strict=True), start=1)
-    }
-
-
-def _benched(case: BenchCase, got: FloatArray) -> str:
+def _benched(case: BenchCase, got: FloatArray) -> dict[str, str]:
+    """Tell for each filter what its number lacks."""
     if got.size != len(case.filters):
-        return f"{got.size} numbers for {len(case.filters)} filters"
-    each = zip(_by_filter(case, got).items(), _worst(case), got, strict=True)
-    for (filter, right), true, value in each:
-        if not right:
-            than = f"it is {'larger' if value < true else 'smaller'} than {value:.4g}"
-            stable = "the loop is stable with every plant" if isinf(value) else than
-            unstable = "the loop with a plant is unstable"
-            return f"for {filter} {unstable if isinf(true) else stable}"
-    return ""
+        raise UnreadableError(f"{got.size} numbers for {len(case.filters)} filters")
+
+    def lack(true: float, value: float) -> str:
+        if _like([true], np.array([value])):
+            return ""
+        if isinf(true):
+            return "the loop with a plant is unstable"
+        if isinf(value):
+            return "the loop is stable with every plant"
+        return f"it is {'larger' if value < true else 'smaller'} than {value:.4g}"
+
+    lacks = map(lack, _worst(case), got)
+    return {f"filter {k}": each and f"for filter {k} {each}" for k, each in enumerate(lacks, 1)}
 
 
 BENCH = pose(
@@ -340,15 +326,15 @@ BENCH = pose(
     alike=_like,
     case=_bench_case,
     reads=partial(numbers, gaps=True),
-    lacks=_benched,
-    parts=_by_filter,
+    lacks=first_of(_benched),
+    parts=_benched,
     misconceptions={
         "nan reported": Misconception(
             lambda case: _largest(_peaks(case), nan),
             lambda case, got: (
                 got.size == len(case.filters)
                 and bool(np.isnan(got).any())
-                and not _benched(case, np.where(np.isnan(got), inf, got))
+                and not any(_benched(case, np.where(np.isnan(got), inf, got)).values())
             ),
         ),
         "decibels": put_right(
@@ -360,6 +346,3 @@ BENCH = pose(
         "plant as it is": lambda case: [row[0] for row in _peaks(case)],
     },
 )
-
-
-PROBLEMS = (EQUAL_REJECTION, ONE_PLANT, BENCH)

@@ -12,35 +12,21 @@ import control as ct
 import numpy as np
 from scipy.optimize import brentq
 
-from nrdob.design import (
-    design_controller,
-    right_half_plane_parity,
-    stabilizing_time_constants,
-)
+from nrdob.design import design_controller, right_half_plane_parity, stabilizing_time_constants
 from nrdob.diagram import LowPassFilter, Quotient, delay
 from nrdob.digital import ActuatorLimits
 from nrdob.loop import NRDOB
 from nrdob.numerics import FloatArray
 from nrdob.plotting import Figure
 
-from .cases import (
-    apart,
-    draw,
-    either_sign,
-    factored,
-    few,
-    fitting,
-    grid_peak,
-    kept,
-    mirrored_pair,
-    observer_stable,
-)
-from .comparing import near
+from .cases import factored, grid_peak, mirrored_pair, observer_stable
+from .comparing import LEEWAY, READING, near
+from .drawing import apart, draw, either_sign, few, fitting, kept
 from .figures import Peaks, draw_peaks
 from .problems import Lack, Misconception, any_of, lacking, pose, reading
 from .reading import number, things
 
-__all__ = ["PROBLEMS"]
+__all__ = ["DESIGN", "QUIETEST"]
 
 
 # --- The plant of the project: 6.2 and 6.6 ------------------------------------------------------
@@ -287,9 +273,11 @@ class _Curves:
         return grid_peak(F, R)
 
 
-@kept
+_curves_of = kept(_Curves)
+
+
 def _curves(case: QuietCase) -> _Curves:
-    return _Curves(case.plant, case.modified, case.model)
+    return _curves_of(case.plant, case.modified, case.model)
 
 
 @kept
@@ -307,10 +295,11 @@ def ends_of_quiet(case: QuietCase) -> dict[str, float]:
     }
 
 
+@kept
 def _quiet_case(project: Project) -> QuietCase:
     """Draw the red line a little above the least Ms with the modified plant."""
     model = mirrored_model(project)
-    least = _Curves(project.plant, project.modified, model).least
+    least = _curves_of(project.plant, project.modified, model).least
     return QuietCase(project.plant, project.modified, model, round(1.15 * least, 1))
 
 
@@ -349,9 +338,6 @@ def _project(rng: np.random.Generator) -> Project:
 
 # --- 6.2 The quietest filter --------------------------------------------------------------------
 
-READING = 0.08
-"""How far a number that is read off a figure may be from the true one."""
-
 
 def _quiet(case: QuietCase, value: float) -> str:
     for name, plant in (("plant", case.plant), ("modified plant", case.modified)):
@@ -368,7 +354,8 @@ def _quiet(case: QuietCase, value: float) -> str:
 QUIETEST = pose(
     "6.2",
     alike=partial(near, tolerance=READING),
-    case=lambda rng: _quiet_case(_project(rng)),
+    case=_project,
+    makes=_quiet_case,
     reads=number,
     lacks=_quiet,
     own=True,
@@ -388,16 +375,12 @@ STAGES = ("model", "observer", "Ms", "disturbance", "settling", "changed", "nois
 """In the order in which they are looked at; each is worth a point of seven."""
 
 
-WITHIN = 1 + 6e-3
-"""By what factor a limit may be exceeded: that is three digits of λ."""
-
-
 def _passes(case: Project, got: Any) -> str:
     goals = case.goals(*got)
     missed = [
         stage
         for stage, goal in zip(STAGES, goals, strict=False)
-        if not goal.value <= goal.limit * WITHIN
+        if not goal.value <= goal.limit * LEEWAY
     ]
     if not missed:
         return ""
@@ -460,6 +443,3 @@ DESIGN = pose(
         "too much noise in u": lacking("noise", _with_good(0.7)),
     },
 )
-
-
-PROBLEMS = (QUIETEST, DESIGN)

@@ -14,12 +14,13 @@ from nrdob.drives import Friction
 from nrdob.loop import NRDOB
 from nrdob.numerics import FloatArray
 
-from .cases import apart, draw, few, fitting, s
-from .comparing import rounds, same, same_parts
-from .problems import pose
+from .cases import s
+from .comparing import rounds, same, unlike
+from .drawing import apart, draw, few, fitting
+from .problems import first_of, pose
 from .reading import numbers
 
-__all__ = ["PROBLEMS"]
+__all__ = ["COUNTING", "DIFFERENCE", "REST"]
 
 
 # --- 7.1 What does one count cost? --------------------------------------------------------------
@@ -72,30 +73,27 @@ def _counting_case(rng: np.random.Generator) -> CountingCase:
     return CountingCase(counts, dt, inertia, time_constant, few(jump / rng.uniform(3, 20)))
 
 
-def _right_counts(case: CountingCase, got: FloatArray) -> dict[str, bool]:
-    return same_parts(("step", "m", "delay"), _window(case), got)
-
-
-def _counting_lacks(case: CountingCase, got: FloatArray) -> str:
-    right = _right_counts(case, got)
-    if not right["step"]:
-        return "the first number is not the speed, in rad/s, of one count in one sample"
-    if not right["m"]:
-        jump = case.inertia / case.time_constant * got[0] / got[1] if got[1] > 0 else inf
-        return (
-            f"with m = {got[1]:g} one count moves the torque by {jump:.3g} N m, and "
+def _miscounted(case: CountingCase, got: FloatArray) -> dict[str, str]:
+    jump = case.inertia / case.time_constant * got[0] / got[1] if got[1] > 0 else inf
+    return unlike(
+        _window(case),
+        got,
+        {
+            "step": "the first number is not the speed, in rad/s, of one count in one sample",
+            "m": f"with m = {got[1]:g} one count moves the torque by {jump:.3g} N m, and "
             f"{case.ripple:g} N m are allowed: m is the smallest whole number with which it keeps "
-            "to that"
-        )
-    return "" if right["delay"] else "the last number is not the delay of that speed"
+            "to that",
+            "delay": "the last number is not the delay of that speed",
+        },
+    )
 
 
 COUNTING = pose(
     "7.1",
     case=_counting_case,
     reads=partial(numbers, names="step, m, delay"),
-    lacks=_counting_lacks,
-    parts=_right_counts,
+    lacks=first_of(_miscounted),
+    parts=_miscounted,
     rounded=lambda case, got: rounds(_window(case), got),
     misconceptions={
         "turns taken for radians": partial(_window, turn=1.0),
@@ -289,35 +287,26 @@ def _rest_case(rng: np.random.Generator) -> RestCase:
     return RestCase(calm, keen, held, draw(rng, 0.005, 0.05))
 
 
-def _right_rests(case: RestCase, got: FloatArray) -> dict[str, bool]:
-    return same_parts(("widest", "climb"), _rest(case), got)
-
-
-def _rest_lacks(case: RestCase, got: FloatArray) -> str:
-    right = _right_rests(case, got)
-    if not right["widest"]:
-        needed = got[0] / _rest(case)[0] * case.friction.breakaway
-        return (
-            f"at {got[0]:.3g} rad beside the reference the calm loop pushes with {needed:.3g} N m, "
-            f"and the motor breaks away at {case.friction.breakaway:g} N m"
-        )
-    if not right["climb"]:
-        return (
-            "the widest rest is right, the time is not: while y stands, S_δ(s) ≈ A s says how fast "
-            "the torque climbs that an error makes"
-        )
-    return ""
+def _unrested(case: RestCase, got: FloatArray) -> dict[str, str]:
+    needed = got[0] / _rest(case)[0] * case.friction.breakaway
+    return unlike(
+        _rest(case),
+        got,
+        {
+            "widest": f"at {got[0]:.3g} rad beside the reference the calm loop pushes with "
+            f"{needed:.3g} N m, and the motor breaks away at {case.friction.breakaway:g} N m",
+            "climb": "the widest rest is right, the time is not: while y stands, S_δ(s) ≈ A s says "
+            "how fast the torque climbs that an error makes",
+        },
+    )
 
 
 REST = pose(
     "7.5",
     case=_rest_case,
     reads=partial(numbers, names="widest, climb"),
-    lacks=_rest_lacks,
-    parts=_right_rests,
+    lacks=first_of(_unrested),
+    parts=_unrested,
     rounded=lambda case, got: rounds(_rest(case), got),
     misconceptions=REST_MISTAKES,
 )
-
-
-PROBLEMS = (COUNTING, DIFFERENCE, REST)

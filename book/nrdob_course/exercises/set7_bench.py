@@ -14,12 +14,13 @@ from nrdob.digital import ActuatorLimits, SampledLoop
 from nrdob.drives import Counting, Drive, Encoder, Friction, OneMass, TwoMasses, encoded
 from nrdob.loop import NRDOB
 
-from .cases import draw, few, first_fitting, fitting, kept, not_around, s
-from .comparing import same_parts
-from .problems import Lack, lacking, pose
+from .cases import not_around, s
+from .comparing import unlike
+from .drawing import draw, few, first_fitting, fitting, kept
+from .problems import Lack, first_of, lacking, pose
 from .reading import UnreadableError, number, things
 
-__all__ = ["PROBLEMS"]
+__all__ = ["PROGRAM", "SHAFT"]
 
 
 # --- 7.4 Read a program, and run it -------------------------------------------------------------
@@ -141,28 +142,27 @@ def _yes_or_no(given: Any) -> bool:
     return bool(value)
 
 
-def _right_parts(case: ProgramCase, got: Reading) -> dict[str, bool]:
-    return same_parts(("time constant", "inertia", "verdict"), _made(case), got)
-
-
-def _program_lacks(case: ProgramCase, got: Reading) -> str:
-    right = _right_parts(case, got)
-    if not right["time constant"]:
-        return "the time constant is not the one whose filter, by Tustin's rule, is in FILTER"
-    if not right["inertia"]:
-        return "the inertia is not the one of the model that INVERSE, which is F/Gm, holds"
-    if not right["verdict"]:
-        says = "settles" if got.settles else "does not settle"
-        return f"you say that the drive {says}; run it from rest, and look at its last fifth"
-    return ""
+def _misread(case: ProgramCase, got: Reading) -> dict[str, str]:
+    says = "settles" if got.settles else "does not settle"
+    return unlike(
+        _made(case),
+        got,
+        {
+            "time constant": "the time constant is not the one whose filter, by Tustin's rule, is "
+            "in FILTER",
+            "inertia": "the inertia is not the one of the model that INVERSE, which is F/Gm, holds",
+            "verdict": f"you say that the drive {says}; run it from rest, and look at its last "
+            "fifth",
+        },
+    )
 
 
 PROGRAM = pose(
     "7.4",
     case=(_program_case(True), _program_case(False)),
     reads=_read_program,
-    lacks=_program_lacks,
-    parts=_right_parts,
+    lacks=first_of(_misread),
+    parts=_misread,
     misconceptions={
         "Euler's rule read into Tustin's": lambda case: _made(case)._replace(
             value=_made(case).value + case.dt / 2
@@ -314,6 +314,3 @@ SHAFT = pose(
     lacks=_shaft_shortcoming,
     misconceptions={name: lacking(*mistake) for name, mistake in SHAFT_MISTAKES.items()},
 )
-
-
-PROBLEMS = (PROGRAM, SHAFT)
