@@ -25,7 +25,8 @@ from __future__ import annotations
 
 from fractions import Fraction as Exact
 from functools import lru_cache
-from math import comb, isqrt, log2
+from math import comb, log2
+from operator import add, mul
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -48,6 +49,7 @@ Whole = NDArray[np.object_]
 
 FIRST, LAST = 128, 16384  # binary digits behind the point of the first and of the last attempt
 MULTIPLIED_OUT = 40  # samples of dead time up to which powers of 1 + v and 1 - v are multiplied out
+STEPS = 3  # halvings of a time near 1, after which Taylor's series is short
 AT_NYQUIST = 1e-12  # distance of a pole from z = -1 at which it lies there
 ON_CIRCLE = 1e-9  # distance from the unit circle at which a sampling zero lies on it
 
@@ -308,12 +310,12 @@ def _agree(p: FloatArray, q: FloatArray) -> bool:
 def _in_z(given: _Given, bits: int) -> tuple[list[int], list[int]]:
     """Numerator and denominator of the held process, descending powers of z, in 2^-bits."""
     n = len(given.a)
-    late = _held(given, 1 - given.fraction, bits)
-    Ad, B0, B1 = late[:n, :n], late[:n, n], np.zeros(n, dtype=object)
+    Ad, B0 = _held(given, 1 - given.fraction, bits)
+    B1 = np.zeros(n, dtype=object)
     if given.fraction:
         # Behind e^(A (1-φ) dt) what is felt in the first φ of a sample goes on.
-        early = _held(given, given.fraction, bits)
-        Ad, B1 = _times(Ad, early[:n, :n], bits), _times(Ad, early[:n, n], bits)
+        early, held = _held(given, given.fraction, bits)
+        Ad, B1 = _times(Ad, early, bits), _times(Ad, held, bits)
     order = n + given.remembers
     A = np.zeros((order, order), dtype=object)
     A[:n, :n], B, C = Ad, np.zeros(order, dtype=object), np.zeros(order, dtype=object)
@@ -345,26 +347,39 @@ def _characteristic(A: Whole, bits: int) -> list[int]:
     return coefficients
 
 
-def _held(given: _Given, share: Exact, bits: int) -> Whole:
-    """Exp of [[A, e1], [0, 0]] over a share of a sample, by Taylor's series and squaring."""
+def _held(given: _Given, share: Exact, bits: int) -> tuple[Whole, Whole]:
+    """Exp of At and its integral from 0 to t applied to e1, with t a share of a sample.
+
+    Over a short step by Taylor's series, for e1 alone: the other columns follow from it, since
+    A e_j = e_(j+1) - a_j e1. Then the step is doubled until it is t.
+    """
     n = len(given.a)
     time = given.time * share
-    # As many squarings as there are about terms of the series take the fewest products.
-    halvings = (time.numerator // time.denominator).bit_length() + isqrt(bits) // 2 + 2
-    step = time / 2**halvings
-    M = np.eye(n + 1, k=-1, dtype=int).astype(object) * _fixed(step, bits)
-    M[n, :] = 0
-    if n:  # a gain has no state, and nothing to hold
-        M[0] = [*(_fixed(-a * step, bits) for a in given.a), _fixed(step, bits)]
-    total: Whole = np.eye(n + 1, dtype=int).astype(object) * (1 << bits)
-    term = total
+    halvings = (time.numerator // time.denominator).bit_length() + STEPS
+    step = _fixed(time / 2**halvings, bits)
+    a = [_fixed(x, bits) for x in given.a]
+
+    def driven(x: list[int]) -> list[int]:
+        return [-sum(map(mul, a, x)) >> bits, *x[:-1]]
+
+    term = [1 << bits] + [0] * (n - 1) if n else []
+    first, integral = term, [0] * n
     k = 1
-    while np.abs(term).max() > 1:  # what is negative is rounded down to -1, and never to 0
-        term = _times(term, M, bits) // k
-        total, k = total + term, k + 1
+    while any(abs(x) > 1 for x in term):  # what is negative is rounded down to -1, and never to 0
+        term = [(x * step >> bits) // k for x in term]
+        integral = list(map(add, integral, term))
+        term = driven(term)
+        first, k = list(map(add, first, term)), k + 1
+    columns = [first]
+    for x in a[:-1]:
+        ahead = driven(columns[-1])
+        columns.append([y + (x * z >> bits) for y, z in zip(ahead, first, strict=True)])
+    Ad = np.array(columns, dtype=object).reshape(n, n).T  # a gain has no state
+    held = np.array(integral, dtype=object)
     for _ in range(halvings):
-        total = _times(total, total, bits)
-    return total
+        held = held + _times(Ad, held, bits)
+        Ad = _times(Ad, Ad, bits)
+    return Ad, held
 
 
 @lru_cache

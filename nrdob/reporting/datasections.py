@@ -73,8 +73,8 @@ def _trust(found: Identification) -> Section:
         rows,
     )  # fmt: skip
     said = (
-        "To be tried, each was fitted to the first part alone and foretold the part held out, plant "
-        "and drift going on from their state. The one chosen was then fitted to all of the record."
+        "To be tried, each was fitted to the first part alone and foretold the part held out, with "
+        "plant and drift going on from their state. The one chosen was then fitted to all of it."
         if held
         else "Nothing was held out, so that no part of the record confirms what was fitted."
     )
