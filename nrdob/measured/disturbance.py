@@ -58,8 +58,11 @@ HYPOTHESES = (
 )
 """Order m, φ and θ: of noise, of a random walk, of a smooth drift."""
 
-WAVE = 10.0, 0.7
-"""Size of the wave beside a random walk, over e, and how many of its periods the record holds."""
+FORGOTTEN = 20
+"""How often noise must have forgotten itself in a record; what remembers longer is a drift."""
+
+WAVE = 6.0, (0.5, 1.0, 1.5)
+"""Size of each part of the wave beside a random walk, over e, and how many periods it makes."""
 
 
 @dataclass(frozen=True)
@@ -135,7 +138,11 @@ def scatter_of(
         return Scatter(np.ones(1), np.zeros((1, n)), np.full((1, n, n), np.inf), freedom)
     readings = np.unique(rounding.readings, return_inverse=True)[1] if rounding.grain else None
     logarithms, shifts, covariances = [], [], []
-    for order, pole, zero in chain(*HYPOTHESES):
+    kinds = [
+        [each for each in kind if each[1] == 1 or (1 - each[1]) * residual.size > FORGOTTEN]
+        for kind in HYPOTHESES
+    ]
+    for order, pole, zero in chain(*kinds):
         den, num = (np.poly([root] * order) for root in (pole, zero))
         beside = _beside(order, pole, zero, residual.size)
         count = len(beside)
@@ -155,7 +162,8 @@ def scatter_of(
         shifts.append(inverse @ corner[:-1, -1] / size)
         covariances.append(covariance / np.outer(size, size))
     weights = np.exp(np.array(logarithms) - max(logarithms))
-    weights /= np.repeat([len(kind) for kind in HYPOTHESES], [len(kind) for kind in HYPOTHESES])
+    sizes = [len(kind) for kind in kinds]
+    weights /= np.repeat(sizes, sizes)
     return Scatter(weights / weights.sum(), np.array(shifts), np.array(covariances), freedom)
 
 
@@ -167,8 +175,8 @@ def _beside(order: int, pole: float, zero: float, samples: int) -> list[FloatArr
     if order > 1:  # the slope of the drift as the record begins
         return [sqrt(samples) * (1 - zero) ** 2 * times]
     size, periods = WAVE
-    angle = 2 * pi * periods * times / samples
-    return [size * np.sin(angle), size * np.cos(angle)]
+    angles = [2 * pi * each * times / samples for each in periods]
+    return [size * part(angle) for angle in angles for part in (np.sin, np.cos)]
 
 
 def _rounded(grain: float, variance: float) -> float:
