@@ -12,17 +12,16 @@ without, `sampled` for the motor's speed loop on a processor, `adrc` for the sam
 ADRC, `proof` for Example 4 with the half planes that count its roots. With `:upwards: delay` or
 `gain` the page has a stability chart as well: λ across, this of the plant upwards. The page carries
 the coefficients of its blocks, which come from `nrdob.paper`, and a still picture for those without
-a script; the script computes the rest. Into chapters, which are notebooks, it comes after the
-question that opens them: see `explorables.toml`.
+a script; the script computes the rest. Beside it ``{diagram} nrdob`` draws a block diagram of the
+package on a page that is no notebook.
 """
 
 from __future__ import annotations
 
+import base64
 import json
-import tomllib
 from dataclasses import dataclass, field, replace
 from html import escape
-from pathlib import Path
 from typing import Any, ClassVar
 
 import control as ct
@@ -32,11 +31,9 @@ from docutils.parsers.rst import directives
 from sphinx.application import Sphinx
 from sphinx.util.docutils import SphinxDirective
 
-from drawing import embedded
 from nrdob import NRDOB, LowPassFilter, delay, paper, stability_chart
 from nrdob.alternatives import linear_adrc
-from nrdob.plotting import COLOURS, SHORT, TALL, Figure, axes_for, styled
-from predictions import KEY
+from nrdob.plotting import COLOURS, SHORT, TALL, Figure, axes_for, diagrams, styled
 
 SCRIPTS = tuple(
     f"explore/{name}.js"
@@ -44,9 +41,6 @@ SCRIPTS = tuple(
 )
 LEAST_ORDER, MOST_ORDER = 1, 6
 AT_REST = {"gain": 1.0, "lag": 0.0, "zero": 0.0, "delay": 0.0}
-CHAPTERS, PLACES = "chapters", "explorables.toml"
-
-
 SLIDERS = ("lambda", "observer", "controller", "T", "gain", "lag", "zero", "delay")
 """What a slider may move, in the order of the page."""
 
@@ -136,6 +130,13 @@ def under_load(shown: Scene) -> Figure:
     return Figure(None, ax, alt=f"Speed error after a load of {-load:g} N m: in the end {said}")
 
 
+def embedded(figure: Figure, kind: str) -> str:
+    """Write a figure as an image that the page holds, of a class of the style sheet."""
+    picture = base64.b64encode(figure.png()).decode()
+    alt = escape(figure.alt, quote=True)
+    return f'<img class="{kind}" alt="{alt}" src="data:image/png;base64,{picture}">'
+
+
 def limits(text: str) -> tuple[float, float]:
     """Read the two ends of a slider."""
     low, high = map(float, text.split())
@@ -178,8 +179,9 @@ class Explorable(SphinxDirective):
     has_content = True
     option_spec: ClassVar[dict[str, Any]] = {
         **{f"range-{slider}": limits for slider in SLIDERS},
-        "last": float, "name": directives.unchanged, "upwards": directives.unchanged,
-    }  # fmt: skip
+        "last": float,
+        "upwards": directives.unchanged,
+    }
 
     def run(self) -> list[nodes.Node]:
         upwards = self.options.get("upwards", "")
@@ -202,34 +204,24 @@ class Explorable(SphinxDirective):
         return [figure]
 
 
+class BlockDiagram(SphinxDirective):
+    """Draw one of `nrdob.plotting.diagrams`, with what it shows in words."""
+
+    required_arguments = 1
+
+    def run(self) -> list[nodes.Node]:
+        drawn = getattr(diagrams, self.arguments[0])().plot()
+        return [nodes.raw("", embedded(drawn, "diagram"), format="html")]
+
+
 def fenced(place: dict[str, Any]) -> str:
-    """Write an entry of the table as the directive."""
+    """Write an entry of `explorables.toml` as the directive."""
     options = [
-        f":range-{name}: {low} {high}"
-        for name in SLIDERS
-        if name in place
-        for low, high in [place[name]]
+        f":range-{name}: {value[0]} {value[1]}" if isinstance(value, list) else f":{name}: {value}"
+        for name, value in place.items()
+        if name not in ("shows", "caption")
     ]
-    options += [f":{name}: {place[name]}" for name in ("upwards", "last") if name in place]
-    lines = [f"```{{explorable}} {place['shows']}", *options]
-    return "\n".join([*lines, "", place["caption"], "```"])
-
-
-def into_chapter(app: Sphinx, page: str, source: list[str]) -> None:
-    """Lay what can be moved behind the question of a chapter, or its first figure."""
-    table = Path(app.srcdir) / PLACES
-    place = tomllib.loads(table.read_text("utf-8")).get(page.removeprefix(f"{CHAPTERS}/"))
-    if place is None or not page.startswith(f"{CHAPTERS}/"):
-        return
-    app.env.note_dependency(table)
-    notebook = json.loads(source[0])
-    metadata = [cell["metadata"] for cell in notebook["cells"]]
-    questions = [k for k, each in enumerate(metadata) if KEY in each]
-    figures = [k for k, each in enumerate(metadata) if "figure" in each.get("mystnb", {})]
-    after = (questions + figures)[0]
-    cell = {"cell_type": "markdown", "id": "explorable", "metadata": {}, "source": fenced(place)}
-    notebook["cells"].insert(after + 1, cell)
-    source[0] = json.dumps(notebook)
+    return "\n".join([f"```{{explorable}} {place['shows']}", *options, "", place["caption"], "```"])
 
 
 def add_scripts(
@@ -243,6 +235,6 @@ def add_scripts(
 
 def setup(app: Sphinx) -> dict[str, bool]:
     app.add_directive("explorable", Explorable)
-    app.connect("source-read", into_chapter)
+    app.add_directive("diagram", BlockDiagram)
     app.connect("html-page-context", add_scripts)
     return {"parallel_read_safe": True, "parallel_write_safe": True}

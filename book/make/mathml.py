@@ -84,6 +84,8 @@ def mathml(latex: str, display: bool = False) -> str:
     >>> print(mathml(r"\\Gm"))
     <math alttext="\\Gm"><mover accent="true"><mi>G</mi><mo stretchy="false">˜</mo></mover></math>
     """
+    if display and r"\\" in latex and not latex.startswith(r"\begin"):
+        latex = rf"\begin{{split}}{latex}\end{{split}}"
     try:
         written = mathjax().call("read", latex, display)
     except JSEvalException as error:

@@ -8,8 +8,6 @@ from pathlib import Path
 
 from pages import cells_of
 
-__all__ = ["PARTS", "Chapter", "read_chapter"]
-
 PARTS = {
     "The paper in an afternoon": ["01", "02", "03", "04", "05", "06", "07", "08"],
     "Design": ["09", "10", "11", "12", "13", "14", "15", "16", "17"],
@@ -52,10 +50,9 @@ class Chapter:
 def read_chapter(path: Path) -> Chapter:
     """Read the first cell of a chapter."""
     opening = cells_of(path)[0]["source"]
-    title = TITLE.match(opening)
-    time, promised, needed = (each.search(opening) for each in (MINUTES, PROMISED, NEEDED))
-    lines = promised[1].splitlines() if promised else []
-    objectives = [line.removeprefix("- ").rstrip(";. ") for line in lines if line.startswith("- ")]
+    title, time = TITLE.match(opening), MINUTES.search(opening)
+    promised, needed = PROMISED.search(opening), NEEDED.search(opening)
+    listed = re.findall(r"^- (.*?)[;. ]*$", promised[1], re.MULTILINE) if promised else []
     needs = tuple(dict.fromkeys(CHAPTER.findall(needed[1]))) if needed else None
-    found = title[1] if title else ""
-    return Chapter(path.stem, found, int(time[1]) if time else 0, tuple(objectives), needs)
+    minutes = int(time[1]) if time else 0
+    return Chapter(path.stem, title[1] if title else "", minutes, tuple(listed), needs)

@@ -5,6 +5,8 @@ from __future__ import annotations
 import argparse
 import json
 import re
+import sys
+from collections.abc import Callable, Mapping, Sequence
 from importlib.metadata import distribution
 from pathlib import Path
 from typing import Any
@@ -47,8 +49,37 @@ def same(text: str, target: Path) -> bool:
 
 def store(text: str, target: Path) -> None:
     """Store a page, with Unix line ends everywhere, and only where it changed."""
+    target.parent.mkdir(parents=True, exist_ok=True)
     if not target.exists() or target.read_bytes() != text.encode():
         target.write_bytes(text.encode())
+
+
+def keep(made: Mapping[Path, str], *, check: bool) -> int:
+    """Store pages, or only name those that are behind their source; the result is an exit code."""
+    for target, text in made.items():
+        if not check:
+            store(text, target)
+    behind = [target.name for target, text in made.items() if not same(text, target)]
+    if behind:
+        print("Behind their source:", *behind, "- make pages writes them", file=sys.stderr)
+    return 1 if behind else 0
+
+
+def report(what: str, problems: Sequence[str]) -> int:
+    """Say what is not in order, all of it; the result is an exit code."""
+    if problems:
+        print(f"{what} is not in order:", *problems, sep="\n  ", file=sys.stderr)
+    return 1 if problems else 0
+
+
+def on_html(write: Callable[[Any, Path], None]) -> Callable[[Any, Exception | None], None]:
+    """Make a handler of Sphinx that writes into the folder of the site once its pages are there."""
+
+    def written(app: Any, failed: Exception | None) -> None:
+        if failed is None and app.builder.format == "html":
+            write(app, Path(app.outdir))
+
+    return written
 
 
 def installed(package: str, end: str) -> Path:

@@ -99,7 +99,8 @@ def solutions(path: Path, pack: Pack, of: ProblemSet) -> Iterator[list[Markup]]:
             answer = MARKER.sub("", cell.source)
             parts.append(code(answer) if cell.cell_type == "code" else html(answer))
         if kind == "written" and (task := written.get(number.replace("-", "."))):
-            rows = "".join(f"| {points:g} | {text} |\n" for points, text in pack.rubric_of(task))
+            rubric = pack.advice_on(task.id).rubric
+            rows = "".join(f"| {points:g} | {text} |\n" for points, text in rubric)
             parts.append(html(f"| Points | For |\n|--:|---|\n{rows}"))
     yield parts
 
@@ -129,7 +130,6 @@ def write(folder: Path) -> list[Path]:
         answers = solutions(path, pack, each)
         pages[each.name] = (each.title, problems(path), "set")
         pages[f"{each.name}_solutions"] = (f"{each.title}. Solutions", answers, "solutions")
-    folder.mkdir(parents=True, exist_ok=True)
     for name, (title, sections, look) in pages.items():
         text = render("paper.html", title=title, sections=list(sections), look=look)
         store(text, folder / f"{name}.html")

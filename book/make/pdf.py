@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import logging
 import re
+import shutil
 import sys
 import tomllib
 from collections.abc import Iterator
@@ -24,7 +25,6 @@ from markupsafe import Markup
 from pypdf import PdfReader, PdfWriter
 from pypdf.generic import NameObject, TextStringObject
 
-import chromium
 from pages import ROOT, options, render, store
 
 LEFT_OUT = ("api", "search", "genindex", "teaching/")
@@ -55,6 +55,10 @@ FITTED = """() => {
   }
 }"""
 """What would be cut at the edge is set smaller; else a browser shrinks the whole book."""
+
+
+SETTLED = "() => document.fonts.ready.then(() => true)"
+"""Once the letters are there the page has its final form."""
 
 
 class Chapter(NamedTuple):
@@ -147,17 +151,12 @@ def head(site: Path) -> Markup:
 
 
 def headings(book: list[Part]) -> Iterator[str]:
-    """Give what stands in the outline, in this order; formulas as they are typed."""
+    """Give what stands in the outline, in this order, each on one line."""
     for part in book:
         yield from [part.title] if part.title else []
         for each in part.chapters:
-            yield from map(plain, each.text.select("h1, h2, h3, h4, h5, h6"))
-
-
-def plain(heading: Tag) -> str:
-    """Give the text of a heading on one line."""
-    text = " ".join(heading.get_text(" ", strip=True).split())
-    return re.sub(r"\\\((.*?)\\\)( (?=[.,?!]))?", r"\1", text)
+            for heading in each.text.select("h1, h2, h3, h4, h5, h6"):
+                yield " ".join(heading.get_text(" ", strip=True).split())
 
 
 def numbers(printed: Path) -> dict[str, int]:
@@ -186,11 +185,17 @@ def finish(printed: Path, output: Path, book: list[Part], about: dict[str, Any])
     writer.write(output)
 
 
+def browser_on_path() -> str | None:
+    """Find the browser that sets the PDF and opens the pages in the tests; None without one."""
+    names = ("chromium", "chromium-browser", "google-chrome", "chrome")
+    return next(filter(None, map(shutil.which, names)), None)
+
+
 def build(site: Path, output: Path) -> None:
     """Set the site as a book and print it."""
     from playwright.sync_api import sync_playwright
 
-    browser_path = chromium.find()
+    browser_path = browser_on_path()
     if browser_path is None:
         sys.exit("The PDF is set by a browser. Install Chromium: `chromium` must be on the path.")
     version = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["project"]["version"]
@@ -207,7 +212,7 @@ def build(site: Path, output: Path) -> None:
         tab.emulate_media(media="print")
         tab.set_default_timeout(0)
         tab.goto(whole.as_uri())
-        tab.evaluate(chromium.SETTLED)
+        tab.evaluate(SETTLED)
         tab.evaluate(FITTED)
         tab.pdf(path=draft, prefer_css_page_size=True)
         tab.evaluate(
