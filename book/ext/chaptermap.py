@@ -15,7 +15,6 @@ read out of the openings of the chapters themselves.
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import Any
 
 from docutils import nodes
@@ -24,27 +23,13 @@ from sphinx.application import Sphinx
 from sphinx.util.docutils import SphinxDirective
 
 from chapters import CHAPTERS, folder_of
-from openings import PARTS, Chapter, read_chapter
-
-
-def read_opening(path: Path) -> Chapter:
-    """Read the opening of a chapter, or say what it lacks."""
-    found = read_chapter(path)
-    if not (found.title and found.minutes) or found.needs is None:
-        raise ValueError(f"{path.name} must open with a title, **You need** and **Time** n minutes")
-    return found
-
-
-def read_openings(folder: Path) -> dict[str, Chapter]:
-    """Read the openings of all chapters in a folder, by number."""
-    found = [read_opening(path) for path in sorted(folder.glob("*.ipynb"))]
-    return {opening.number: opening for opening in found}
+from openings import PARTS, Chapter, read_chapters
+from pages import quarters
 
 
 def told(minutes: int) -> str:
     """Write a time as one says it, to the quarter of an hour where it is long."""
-    hours, rest = divmod(round(minutes / 15), 4)
-    return f"{minutes} min" if minutes < 60 else f"{hours}{('', '¼', '½', '¾')[rest]} h"
+    return f"{minutes} min" if minutes < 60 else f"{quarters(round(minutes / 15) / 4)} h"
 
 
 def link(opening: Chapter, shown: str, page: str) -> nodes.Node:
@@ -59,10 +44,10 @@ class ChapterMap(SphinxDirective):
     """All chapters, part by part."""
 
     def run(self) -> list[nodes.Node]:
-        openings = read_openings(folder_of(self.env, noted=True))
+        chapters = read_chapters(folder_of(self.env, noted=True))
         found = nodes.container(classes=["chapter-map"])
         for part, numbers in PARTS.items():
-            cards = [self.card(o) for o in openings.values() if o.number in numbers]
+            cards = [self.card(each) for each in chapters if each.number in numbers]
             found += [nodes.rubric(part, part)]
             found += [nodes.bullet_list("", *cards, classes=["chapter-cards"])]
         return [found]
@@ -84,11 +69,11 @@ class ReadingPath(SphinxDirective):
     has_content = True
 
     def run(self) -> list[nodes.Node]:
-        openings = read_openings(folder_of(self.env, noted=True))
+        chapters = {each.number: each for each in read_chapters(folder_of(self.env, noted=True))}
         numbers = self.arguments[0].split()
-        if unknown := sorted(set(numbers) - set(openings)):
+        if unknown := sorted(set(numbers) - set(chapters)):
             raise self.error(f"there is no chapter {', '.join(unknown)}")
-        chosen = [openings[number] for number in numbers]
+        chosen = [chapters[number] for number in numbers]
         text, messages = self.parse_inline(" ".join(self.content))
         time = f" About {told(sum(opening.minutes for opening in chosen))}: "
         way = nodes.paragraph("", "", *text, nodes.Text(time), classes=["reading-path"])

@@ -39,7 +39,6 @@ SCRIPTS = tuple(
     f"explore/{name}.js"
     for name in ("loop", "curve", "chart", "sampled", "adrc", "proof", "plot", "view")
 )
-LEAST_ORDER, MOST_ORDER = 1, 6
 AT_REST = {"gain": 1.0, "lag": 0.0, "zero": 0.0, "delay": 0.0}
 SLIDERS = ("lambda", "observer", "controller", "T", "gain", "lag", "zero", "delay")
 """What a slider may move, in the order of the page."""
@@ -47,7 +46,7 @@ SLIDERS = ("lambda", "observer", "controller", "T", "gain", "lag", "zero", "dela
 
 @dataclass(frozen=True)
 class Scene:
-    """What stands on a page before anything is moved."""
+    """What stands on a page before anything is moved, and from which to which order one can go."""
 
     kind: str
     loop: NRDOB
@@ -87,7 +86,7 @@ def scene(name: str) -> Scene:
     loop = paper.example(number)
     least = loop.model.den[0][0].size - loop.model.num[0][0].size
     start = {"lambda": loop.filter.time_constant, "order": loop.filter.order}
-    return Scene(kind, loop, start, (max(least, LEAST_ORDER), MOST_ORDER))
+    return Scene(kind, loop, start, (max(least, 1), 6))
 
 
 def still(shown: Scene, upwards: str, ranges: dict[str, tuple[float, float]]) -> Figure:
@@ -111,14 +110,15 @@ def still(shown: Scene, upwards: str, ranges: dict[str, tuple[float, float]]) ->
 
 def under_load(shown: Scene) -> Figure:
     """Draw the speed under the load, with the observer and without."""
-    last = 0.5
     late = delay(shown.start["delay"]) * shown.loop.process
-    loop = NRDOB(late, shown.loop.model, shown.loop.controller, shown.loop.filter)
-    times, load = np.linspace(0.0, last, 501), shown.told["load"]
+    times, load = np.linspace(0.0, 0.5, 501), shown.told["load"]
     # A filter that is slower by far than what is shown is no observer.
-    without = NRDOB(late, loop.model, loop.controller, LowPassFilter(1e6 * last, 1))
     held, plain = (
-        load * each.step_response("delta", times).outputs[0, 0] for each in (loop, without)
+        load
+        * NRDOB(late, shown.loop.model, shown.loop.controller, filter)
+        .step_response("delta", times)
+        .outputs[0, 0]
+        for filter in (shown.loop.filter, LowPassFilter(5e5, 1))
     )
     with styled():
         (ax,) = axes_for(None, 1, SHORT)
@@ -133,8 +133,7 @@ def under_load(shown: Scene) -> Figure:
 def embedded(figure: Figure, kind: str) -> str:
     """Write a figure as an image that the page holds, of a class of the style sheet."""
     picture = base64.b64encode(figure.png()).decode()
-    alt = escape(figure.alt, quote=True)
-    return f'<img class="{kind}" alt="{alt}" src="data:image/png;base64,{picture}">'
+    return f'<img class="{kind}" alt="{escape(figure.alt)}" src="data:image/png;base64,{picture}">'
 
 
 def limits(text: str) -> tuple[float, float]:
@@ -186,16 +185,11 @@ class Explorable(SphinxDirective):
     def run(self) -> list[nodes.Node]:
         upwards = self.options.get("upwards", "")
         shown = scene(self.arguments[0])
-        if upwards:
-            shown = shown.charted()
-        ranges = {
-            slider: self.options[f"range-{slider}"]
-            for slider in SLIDERS
-            if f"range-{slider}" in self.options
-        }
-        given = carried(shown, upwards, ranges, self.options.get("last", 10.0))
+        shown = shown.charted() if upwards else shown
+        given = {slider: self.options.get(f"range-{slider}") for slider in SLIDERS}
+        ranges = {slider: ends for slider, ends in given.items() if ends}
         picture = embedded(still(shown, upwards, ranges), "explorable-still")
-        told = escape(json.dumps(given), quote=True)
+        told = escape(json.dumps(carried(shown, upwards, ranges, self.options.get("last", 10.0))))
         html = f'<div data-explorable="{told}">{picture}</div>'
         text, _ = self.parse_inline(" ".join(self.content))
         figure = nodes.figure(classes=["explorable"])
@@ -224,9 +218,7 @@ def fenced(place: dict[str, Any]) -> str:
     return "\n".join([f"```{{explorable}} {place['shows']}", *options, "", place["caption"], "```"])
 
 
-def add_scripts(
-    app: Sphinx, page: str, _template: str, _context: dict[str, Any], doctree: object
-) -> None:
+def add_scripts(app: Sphinx, page: str, _: str, _context: object, doctree: object) -> None:
     """Load the scripts where there is something to be moved."""
     if doctree is not None and "explorable" in app.env.metadata[page]:
         for script in SCRIPTS:

@@ -182,9 +182,7 @@ def write_texts(app: Sphinx, folder: Path) -> None:
     (folder / "_static" / TEXTS).write_text(f"window.TEXTS = {text};\n", "utf-8")
 
 
-def add_scripts(
-    app: Sphinx, page: str, _template: str, _context: dict[str, Any], _doctree: object
-) -> None:
+def add_scripts(app: Sphinx, page: str, *_: object) -> None:
     """Load on the page of the search what it needs."""
     if page == "search":
         app.add_js_file(TEXTS)

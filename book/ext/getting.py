@@ -45,9 +45,7 @@ def starts(address: str, page: str) -> dict[str, str]:
     return {"Binder": binder} | ({"Colab": colab} if owner else {})
 
 
-def add_buttons(
-    app: Sphinx, page: str, _template: str, context: dict[str, Any], _doctree: object
-) -> None:
+def add_buttons(app: Sphinx, page: str, _: str, context: Any, _doctree: object) -> None:
     """Put what runs the page beside what downloads it, as the theme wants it."""
     if "header_buttons" not in context:
         return

@@ -51,9 +51,7 @@ def set_address(app: Sphinx, config: Config) -> None:
         app.tags.add("published")
 
 
-def add_card(
-    app: Sphinx, page: str, _template: str, context: dict[str, Any], doctree: object
-) -> None:
+def add_card(app: Sphinx, page: str, _: str, context: Any, doctree: object) -> None:
     """Put into the head of each page what a link to it shows elsewhere."""
     address = app.config.html_baseurl
     if doctree is None or not address:
@@ -70,9 +68,7 @@ def add_card(
     context["metatags"] = "\n".join([context.get("metatags", ""), *tags])
 
 
-def add_pdf(
-    app: Sphinx, _page: str, _template: str, context: dict[str, Any], _doctree: object
-) -> None:
+def add_pdf(app: Sphinx, _page: str, _: str, context: Any, _doctree: object) -> None:
     """Put the whole book into the menu of what can be downloaded."""
     for group in context.get("header_buttons", []):
         if app.config.html_baseurl and group["label"] == "download-buttons":

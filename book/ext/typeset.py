@@ -110,9 +110,7 @@ def name_corners(doctree: nodes.document) -> None:
                 entry += nodes.paragraph("", "", word)
 
 
-def name_parts(
-    _app: Sphinx, _page: str, _template: str, context: dict[str, Any], _doctree: object
-) -> None:
+def name_parts(_app: Sphinx, _page: str, _: str, context: Any, _doctree: object) -> None:
     """Say what the arrows in the list of contents do; call a reference the item of a list."""
     named = '<summary aria-label="The pages of this part">'
     if make := context.get("generate_toctree_html"):

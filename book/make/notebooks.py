@@ -15,8 +15,8 @@ import argparse
 import sys
 import time
 from concurrent.futures import ProcessPoolExecutor
-from dataclasses import dataclass
 from pathlib import Path
+from typing import NamedTuple
 
 from nbclient.exceptions import CellExecutionError, CellTimeoutError, DeadKernelError
 
@@ -27,8 +27,7 @@ SECONDS = 300
 """Limit for one cell."""
 
 
-@dataclass(frozen=True)
-class Run:
+class Run(NamedTuple):
     """What came out of running one notebook: the text to store, or what went wrong."""
 
     path: Path
@@ -69,11 +68,9 @@ def main(arguments: list[str] | None = None) -> int:
     if not paths:
         print(f"No notebooks in {NOTEBOOKS}", file=sys.stderr)
         return 1
-    if given.output:
-        given.output.mkdir(parents=True, exist_ok=True)
-        if not given.notebooks:  # a chapter that was removed must not stay in the folder
-            for old in given.output.glob("*.ipynb"):
-                old.unlink()
+    if given.output and not given.notebooks:
+        for old in given.output.glob("*.ipynb"):  # a chapter that was removed must not stay there
+            old.unlink()
     with ProcessPoolExecutor(max_workers=min(2, len(paths))) as pool:
         runs = list(pool.map(run, paths))
 
@@ -87,7 +84,8 @@ def main(arguments: list[str] | None = None) -> int:
             problems.append(f"{done.path.name} is not what running it gives: make execute")
     if given.report:
         print(*(f"{done.seconds:7.1f} s  {done.path.name}" for done in runs), sep="\n")
-    print(*problems, sep="\n", end="\n" if problems else "", file=sys.stderr)
+    for problem in problems:
+        print(problem, file=sys.stderr)
     return 1 if problems else 0
 
 

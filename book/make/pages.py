@@ -17,6 +17,12 @@ ROOT = Path(__file__).resolve().parents[2]
 NOTEBOOKS = ROOT / "notebooks"
 TEACHING = ROOT / "book" / "teaching"
 
+
+def quarters(number: float) -> str:
+    """Write a number to its quarters, 2.75 as 2¾."""
+    return f"{int(number) or ''}{('', '¼', '½', '¾')[int(number * 4) % 4]}"
+
+
 TEMPLATES = Environment(
     loader=FileSystemLoader(Path(__file__).resolve().parents[1] / "templates"),
     undefined=StrictUndefined,
@@ -31,8 +37,7 @@ TEMPLATES.filters |= {
     "plain": lambda text: re.sub(r"([\\`*_{}\[\]<>|$~#])", r"\\\1", text),
     # Markdown, so that it fits into a cell of a table.
     "cell": lambda text: text.replace("|", r"\|").replace("\n", " "),
-    # 2.75 as 2¾.
-    "hours": lambda hours: f"{int(hours) or ''}{('', '¼', '½', '¾')[int(hours * 4) % 4]}",
+    "hours": quarters,
     "points": lambda points: "1 point" if points == 1 else f"{points:g} points",
 }
 

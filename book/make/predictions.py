@@ -82,39 +82,36 @@ def _data(cell: Any) -> dict[str, str]:
 
 
 def _read(deck: str, cells: list[Any]) -> Question:
-    reveal, answer = (
-        next(k for k, cell in enumerate(cells) if _data(cell).get("kind") == kind)
-        for kind in ("reveal", "answer")
-    )
-    title, _, asks = _text(cells[0]).partition("\n")
-    headline, _, told = _text(cells[answer]).partition("\n")
+    kinds = [_data(cell).get("kind") for cell in cells]
+    reveal, answer = kinds.index("reveal"), kinds.index("answer")
+    texts = [
+        COMMENT.sub("", cell.source).strip() if cell.cell_type == "markdown" else ""
+        for cell in cells
+    ]
+    title, _, asks = texts[0].partition("\n")
+    headline, _, told = texts[answer].partition("\n")
     letter = ANSWER.fullmatch(headline)
     assert letter, headline
-    last = [
-        _text(cell)
-        for cell in cells[answer:]
-        if cell.metadata["slideshow"]["slide_type"] == "fragment"
-    ]
+    slides = [cell.metadata.get("slideshow", {}).get("slide_type") for cell in cells]
+    further, further_answer = (
+        text for text, slide in zip(texts, slides, strict=True) if slide == "fragment"
+    )
     (picture,) = _pictures(cells[reveal:answer])
     return Question(
         chapter=_data(cells[0])["chapter"],
         deck=deck,
         title=title.partition(" ")[2].partition(" ")[2],
         asks=asks.strip(),
-        choices=dict(CHOICE.findall("\n".join(map(_text, cells[:reveal])))),
+        choices=dict(CHOICE.findall("\n".join(texts[:reveal]))),
         right=letter[1],
         answer=letter[2],
         why=CHOICE.split(told)[0].strip(),
         wrong=dict(CHOICE.findall(told)),
-        further=last[0].removeprefix("*And then:* "),
-        further_answer=last[1],
+        further=further.removeprefix("*And then:* "),
+        further_answer=further_answer,
         asked_with=next(iter(_pictures(cells[:reveal])), None),
         answered_with=picture,
     )
-
-
-def _text(cell: Any) -> str:
-    return COMMENT.sub("", cell.source).strip() if cell.cell_type == "markdown" else ""
 
 
 def _pictures(cells: list[Any]) -> list[Picture]:
@@ -162,20 +159,18 @@ def markdown(
         picture(question, "asked_with"),
         "*Choose, then open your choice.*",
     ]
+
+    def folded(line: str, *behind: str) -> list[str]:
+        return [f"<details><summary>{summary(line)}</summary>", *behind, "</details>"]
+
     for letter, choice in question.choices.items():
-        blocks.append(f"<details><summary>{summary(f'**{letter}** {choice}')}</summary>")
         if letter == question.right:
-            blocks += [
-                f"**Yes:** {question.answer}.",
-                question.why,
-                picture(question, "answered_with"),
-                f"<details><summary>{summary(f'*And then:* {question.further}')}</summary>",
-                question.further_answer,
-                "</details>",
-            ]
+            further = folded(f"*And then:* {question.further}", question.further_answer)
+            shown = picture(question, "answered_with")
+            told = [f"**Yes:** {question.answer}.", question.why, shown, *further]
         else:
-            blocks.append(f"**No.** {letter} {question.wrong[letter]}")
-        blocks.append("</details>")
+            told = [f"**No.** {letter} {question.wrong[letter]}"]
+        blocks += folded(f"**{letter}** {choice}", *told)
     return "\n\n".join(block for block in [*blocks, "</div>"] if block)
 
 

@@ -22,7 +22,7 @@ import nbformat
 from nbconvert.exporters import SlidesExporter
 from traitlets.config import Config
 
-from pages import NOTEBOOKS, ROOT, TEACHING, installed, options
+from pages import NOTEBOOKS, ROOT, TEACHING, installed, options, store
 from predictions import split
 
 FOLDER = NOTEBOOKS / "class"
@@ -54,16 +54,12 @@ CONFIG = Config(
 )
 
 
-class SlidesError(Exception):
-    """A notebook of which no slides can be made."""
-
-
 def read(path: Path) -> Any:
-    """Read a notebook that has been executed."""
+    """Read a notebook, and stop at one that has not been executed."""
     notebook = nbformat.read(path, as_version=4)
     code = [cell for cell in notebook.cells if cell.cell_type == "code" and cell.source.strip()]
     if any(cell.execution_count is None for cell in code):
-        raise SlidesError(f"{path.name} has not been run: make execute")
+        sys.exit(f"{path.name} has not been run: make execute")
     return notebook
 
 
@@ -88,26 +84,17 @@ def slides(notebook: Any) -> str:
     return str(page)
 
 
-def copy_beside(folder: Path) -> None:
-    """Copy what the pages load into the folder in which they are."""
-    for file in (TEMPLATE / "slides.css", *(installed(*place) for place in BESIDE)):
-        shutil.copyfile(file, folder / file.name)
-
-
 def main(arguments: list[str] | None = None) -> int:
     folder: Path = options(__doc__, arguments, output=ROOT / "build" / "slides").output
+    notebooks = {path.stem: read(path) for path in sorted(FOLDER.glob("*.ipynb"))}
     folder.mkdir(parents=True, exist_ok=True)
     for old in folder.glob("*.html"):
         old.unlink()
-    copy_beside(folder)
-    try:
-        notebooks = {path.stem: read(path) for path in sorted(FOLDER.glob("*.ipynb"))}
-    except SlidesError as error:
-        print(error, file=sys.stderr)
-        return 1
+    for file in (TEMPLATE / "slides.css", *(installed(*place) for place in BESIDE)):
+        shutil.copyfile(file, folder / file.name)
     for name, notebook in (notebooks | {"two_days": two_days(notebooks.values())}).items():
         target = folder / f"{name}.html"
-        target.write_text(slides(notebook), encoding="utf-8")
+        store(slides(notebook), target)
         print(target)
     return 0
 

@@ -26,7 +26,7 @@ import nbformat
 
 import nrdob_course
 from nrdob_course.exercises import PROBLEMS, Problem
-from openings import PARTS, Chapter, read_chapter
+from openings import PARTS, Chapter, read_chapters
 from pages import NOTEBOOKS, TEACHING, keep, options, render, report
 
 COURSE = Path(nrdob_course.__file__).parent
@@ -230,7 +230,7 @@ class Pack:
 
 def read_pack() -> Pack:
     """Read everything where it is, in its order."""
-    chapters = {path.stem: read_chapter(path) for path in sorted(NOTEBOOKS.glob("*.ipynb"))}
+    chapters = {chapter.stem: chapter for chapter in read_chapters(NOTEBOOKS)}
     sets = [read_set(path) for path in sorted(SOURCE.glob("set*/set*.ipynb"))]
     return Pack(chapters, sets, read_advice(), PROBLEMS)
 
