@@ -1,8 +1,8 @@
 """The chapters on their way onto the pages: what each gets before Sphinx reads it, and a last look.
 
-While a chapter is read its title gets its number; the question that it stores is exchanged for the
-same one with the pictures of the notebook for class; behind it, or behind the first figure, comes
-what can be moved (``explorables.toml``); and behind a cell whose metadata names claims,
+While a chapter is read its title gets its number, and the figures attached to its question are laid
+beside the page; behind the question, or the first figure, comes what can be moved, as
+``explorables.toml`` has it; and behind a cell whose metadata names claims, as
 ``{"claims": ["eq03"]}``, they are shown at the margin.
 
 A build fails on a chapter that lacks what `shape` says, whatever Sphinx remembers of an earlier
@@ -17,17 +17,19 @@ import json
 import re
 import tomllib
 from collections.abc import Iterable
-from functools import partial
+from io import BytesIO
 from pathlib import Path
 from typing import Any
 from zlib import crc32
 
+from PIL import Image
 from sphinx.application import Sphinx
 from sphinx.environment import BuildEnvironment
 from sphinx.util import logging
 
 from explorable import fenced
-from predictions import KEY, Question, markdown, read_questions
+from nrdob.plotting.figure import PIXELS
+from predictions import KEY
 from shape import faults_of_book
 
 CHAPTERS, PLACES, PICTURES = "chapters", "explorables.toml", "predictions"
@@ -56,32 +58,27 @@ def complete(app: Sphinx, page: str, source: list[str]) -> None:
     cells = notebook["cells"]
     title = "".join(cells[0]["source"])
     cells[0]["source"] = re.sub(r"\A# ", rf"# {chapter[2]}. ", title)
-    ask(app, cells)
+    ask(app, chapter[1], cells)
     move(app, chapter[1], cells)
     notebook["cells"] = [each for cell in cells for each in (cell, *claims_beside(cell))]
     source[0] = json.dumps(notebook)
 
 
-def ask(app: Sphinx, cells: list[dict[str, Any]]) -> None:
-    """Exchange the question of a chapter for one whose pictures lie beside the page."""
-    classes = Path(app.srcdir) / app.config.nrdob_class
+def ask(app: Sphinx, chapter: str, cells: list[dict[str, Any]]) -> None:
+    """Lay the figures of the question beside the page, and let Sphinx read the lines to click."""
     for cell in cells:
-        if name := cell["metadata"].get(KEY):
-            question = read_questions(classes)[name]
-            app.env.note_dependency(classes / Path(question.deck).name)
-            picture = partial(store_picture, folder_of(app.env))
-            # Between empty lines Sphinx reads the line that is clicked as Markdown.
-            cell["source"] = markdown(question, "\n\n{}\n\n".format, picture)
-
-
-def store_picture(folder: Path, question: Question, which: str) -> str:
-    """Lay a picture beside the chapters, and give the Markdown that shows it."""
-    if (picture := getattr(question, which)) is None:
-        return ""
-    name = f"{PICTURES}/{question.chapter}-{which}.png"
-    (folder / PICTURES).mkdir(exist_ok=True)
-    (folder / name).write_bytes(base64.b64decode(picture.png))
-    return f"![{picture.alt}]({name}){{width={picture.width}px}}"
+        if KEY not in cell["metadata"]:
+            continue
+        text = "".join(cell["source"])  # between empty lines a line to click is Markdown
+        text = re.sub("<summary>(.*)</summary>", r"<summary>\n\n\1\n\n</summary>", text)
+        for name, data in cell.pop("attachments").items():
+            png, place = base64.b64decode(data["image/png"]), f"{PICTURES}/{chapter}-{name}"
+            (folder_of(app.env) / PICTURES).mkdir(exist_ok=True)
+            (folder_of(app.env) / place).write_bytes(png)
+            picture = Image.open(BytesIO(png))
+            width = round(picture.width / picture.info["dpi"][0] * PIXELS)
+            text = text.replace(f"(attachment:{name})", f"({place}){{width={width}px}}")
+        cell["source"] = text
 
 
 def move(app: Sphinx, chapter: str, cells: list[dict[str, Any]]) -> None:
@@ -132,7 +129,6 @@ def version() -> int:
 
 
 def setup(app: Sphinx) -> dict[str, bool | int]:
-    app.add_config_value("nrdob_class", "../notebooks/class", "env", str)
     app.connect("builder-inited", check)
     app.connect("source-read", complete)
     return {"env_version": version(), "parallel_read_safe": True, "parallel_write_safe": True}

@@ -112,14 +112,13 @@ def under_load(shown: Scene) -> Figure:
     """Draw the speed under the load, with the observer and without."""
     late = delay(shown.start["delay"]) * shown.loop.process
     times, load = np.linspace(0.0, 0.5, 501), shown.told["load"]
+
+    def speed(filter: LowPassFilter) -> Any:
+        loop = NRDOB(late, shown.loop.model, shown.loop.controller, filter)
+        return load * loop.step_response("delta", times).outputs[0, 0]
+
     # A filter that is slower by far than what is shown is no observer.
-    held, plain = (
-        load
-        * NRDOB(late, shown.loop.model, shown.loop.controller, filter)
-        .step_response("delta", times)
-        .outputs[0, 0]
-        for filter in (shown.loop.filter, LowPassFilter(5e5, 1))
-    )
+    held, plain = speed(shown.loop.filter), speed(LowPassFilter(5e5, 1))
     with styled():
         (ax,) = axes_for(None, 1, SHORT)
         ax.plot(times, plain, color=COLOURS["model"], label="controller alone")

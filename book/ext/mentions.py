@@ -188,10 +188,7 @@ def written(page: str, title: str, theorems: list[Theorem]) -> str:
         fields = {
             "For": setting_of(theorem),
             "If": "\n".join(f"{k}. {text}" for k, text in theorem.conditions.items()),
-            "Then": theorem.then,
-            **{f"Without {k}": text for k, text in theorem.without.items()},
-            "Proof": theorem.proof,
-            "Known": theorem.known,
+            **theorem.parts,
         }
         lines += [
             ":::{container} theorem-entry\n",

@@ -18,7 +18,7 @@ from urllib.parse import urljoin
 from sphinx.application import Sphinx
 from sphinx.config import Config
 
-from pages import on_html
+from pages import on_html, render, store
 
 PICTURE = "_static/readme.png"
 PDF = "nrdob.pdf"
@@ -28,19 +28,6 @@ SAYS = (
     "When is a loop with a disturbance observer stable, and how far from trouble? An executable "
     "book: every number is computed in front of you."
 )
-NOT_FOUND = """<!DOCTYPE html>
-<html lang="en"><head><meta charset="utf-8"><title>Not found</title>
-<meta name="viewport" content="width=device-width, initial-scale=1">
-<style>body {{ font: 1.1rem/1.6 sans-serif; max-width: 36rem; margin: 3rem auto; padding: 0 1rem; }}
-:root {{ color-scheme: light dark; }}</style></head>
-<body><h1>This page is not here</h1><p>Chapters were numbered anew in the third edition. Begin at
-<a href="{address}">the front page</a>, or <a href="{search}">search the book</a>.</p></body></html>
-"""
-SITEMAP = """<?xml version="1.0" encoding="UTF-8"?>
-<urlset xmlns="http://www.sitemaps.org/schemas/sitemap/0.9">
-{places}
-</urlset>
-"""
 
 
 def set_address(app: Sphinx, config: Config) -> None:
@@ -82,11 +69,8 @@ def add_pdf(app: Sphinx, _page: str, _: str, context: Any, _doctree: object) -> 
 def write_lists(app: Sphinx, folder: Path) -> None:
     """Write the sitemap for search engines, and the page for what is not there."""
     if address := app.config.html_baseurl:
-        pages = (urljoin(address, f"{page}.html") for page in sorted(app.env.found_docs))
-        places = "\n".join(f"<url><loc>{escape(page)}</loc></url>" for page in pages)
-        (folder / "sitemap.xml").write_text(SITEMAP.format(places=places), encoding="utf-8")
-        missing = NOT_FOUND.format(address=address, search=urljoin(address, "search.html"))
-        (folder / "404.html").write_text(missing, encoding="utf-8")
+        for name in ("sitemap.xml", "404.html"):
+            store(render(name, address=address, pages=sorted(app.env.found_docs)), folder / name)
 
 
 def setup(app: Sphinx) -> dict[str, bool]:

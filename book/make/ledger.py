@@ -5,9 +5,6 @@ listed, if a check does not give its verdict, or if ledger and chapters do not f
 citation of a claim that does not exist, a claim that its own chapter does not cite, a claim whose
 chapter is missing. The pages are written in any case, with what could be settled, so that the
 author of a chapter can look at them.
-
-    python book/make/ledger.py                     write book/ledger.md and book/errata.md
-    python book/make/ledger.py --output FOLDER     write them there
 """
 
 from __future__ import annotations
@@ -15,7 +12,7 @@ from __future__ import annotations
 import re
 import sys
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -25,7 +22,7 @@ from pages import NOTEBOOKS, ROOT, cells_of, options, render, report, store
 
 CITED_IN_PROSE = re.compile(r"(?<!`)`claim:([^`\s]+)`(?!`)")
 HEADING = re.compile(r"#{1,6}\s+(.*?)\s*#*$")
-FENCE = re.compile(r"\s*(?:```|~~~)")
+FENCED = re.compile(r"^\s*(```|~~~).*?(?:^\s*\1[^\n]*$|\Z)", re.MULTILINE | re.DOTALL)
 
 PAGES = ("ledger.md", "errata.md")
 
@@ -57,25 +54,16 @@ def read_chapter(path: Path) -> Chapter:
     title = heading = ""
     cited: dict[str, str] = {}
     for cell in cells_of(path):
-        for line in prose(cell["source"]) if cell["cell_type"] != "code" else ():
-            if match := HEADING.match(line):
-                heading = match.group(1)
-                title = title or heading
-            for id in CITED_IN_PROSE.findall(line):
-                cited.setdefault(id, heading)
+        if cell["cell_type"] != "code":
+            for line in FENCED.sub("", cell["source"]).splitlines():
+                if match := HEADING.match(line):
+                    heading = match.group(1)
+                    title = title or heading
+                for id in CITED_IN_PROSE.findall(line):
+                    cited.setdefault(id, heading)
         for id in cell["metadata"].get("claims", ()):
             cited.setdefault(id, heading)
     return Chapter(path.stem, title or path.stem, cited)
-
-
-def prose(text: str) -> Iterator[str]:
-    """Give the lines of a Markdown text, fenced code left out."""
-    inside = False
-    for line in text.splitlines():
-        if FENCE.match(line):
-            inside = not inside
-        elif not inside:
-            yield line
 
 
 def settle_all(

@@ -3,10 +3,6 @@
 The result depends on nothing but the notebook, the code and the installed versions: no times,
 no counters left over, one fixed set of metadata. So a second run gives the same bytes, and a
 difference means that something really changed.
-
-    python book/make/notebooks.py --output build/notebooks    run into a folder
-    python book/make/notebooks.py --in-place                  run, and store the outputs
-    python book/make/notebooks.py --check                     run, and compare with what is stored
 """
 
 from __future__ import annotations

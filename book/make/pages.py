@@ -110,7 +110,7 @@ def options(
     """Read a command line: a folder or file for each name, and whether only to compare."""
     parser = argparse.ArgumentParser(description=(about or "").partition("\n")[0])
     for name, default in paths.items():
-        parser.add_argument(f"--{name}", type=Path, default=default, metavar="PATH")
+        parser.add_argument(f"--{name}", type=Path, default=default, help="by default %(default)s")
     if check:
         parser.add_argument("--check", action="store_true", help="only compare with what is stored")
     return parser.parse_args(arguments)

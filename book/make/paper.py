@@ -2,9 +2,6 @@
 
 Each page is one HTML file that needs no network and no script: formulas are set as MathML when the
 page is made. Print it from a browser, on paper or into a PDF.
-
-    python book/make/paper.py                      into build/paper
-    python book/make/paper.py --output FOLDER      into another folder
 """
 
 from __future__ import annotations

@@ -1,8 +1,5 @@
 """Write the built book as one PDF, with an outline, page numbers, and links that stay inside.
 
-    python book/make/pdf.py                      build/html into build/nrdob.pdf
-    python book/make/pdf.py --site F --output F  another site, another file
-
 A browser sets it: Debian's Chromium, or any other on the path. Formulas are set once; then it is
 printed twice, the second time with the page numbers in the contents. It takes some minutes.
 """
@@ -13,8 +10,8 @@ import logging
 import re
 import shutil
 import sys
-import tomllib
 from collections.abc import Iterator
+from importlib.metadata import distribution
 from itertools import chain
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -38,24 +35,6 @@ ADDRESSES = ("href", "src")
 
 PAPER = 650
 """Width of the text in pixels, as a browser counts them on paper."""
-
-FITTED = """() => {
-  const width = (piece) => piece.getBoundingClientRect().width;
-  const tooWide = [];
-  for (const piece of document.querySelectorAll("math, table")) {
-    let box = piece.parentElement;
-    while (getComputedStyle(box).display.startsWith("inline")) box = box.parentElement;
-    const number = piece.parentElement.querySelector(":scope > .eqno");
-    const room = box.clientWidth - (number ? width(number) : 0);
-    if (room > 0 && width(piece) > room + 1) tooWide.push([piece, (room - 1) / width(piece)]);
-  }
-  for (const [piece, share] of tooWide) {
-    if (piece.matches("table")) piece.style.zoom = share;
-    else piece.style.fontSize = `${share}em`;
-  }
-}"""
-"""What would be cut at the edge is set smaller; else a browser shrinks the whole book."""
-
 
 SETTLED = "() => document.fonts.ready.then(() => true)"
 """Once the letters are there the page has its final form."""
@@ -92,12 +71,13 @@ def one(tree: Tag, selector: str) -> Tag:
 def contents(site: Path) -> dict[str, list[str]]:
     """Read off the front page which pages there are, part by part."""
     listed = one(read(site / "index.html"), "nav.bd-links")
-    found = {}
-    for title in listed.select("p.caption"):
-        links = one(title.find_next_sibling("ul"), "li").parent.select("li.toctree-l1 > a")  # type: ignore[arg-type, union-attr]
-        pages = [str(link["href"]).removesuffix(".html") for link in links]
-        if kept := [page for page in pages if not page.startswith(LEFT_OUT)]:
-            found[title.get_text(strip=True)] = kept
+    titles, lists = listed.select("p.caption"), listed.select("p.caption + ul")
+    found = {"": ["index"]}
+    for title, part in zip(titles, lists, strict=True):
+        links = [str(link["href"]) for link in part.select("li.toctree-l1 > a")]
+        pages = [link.removesuffix(".html") for link in links if not link.startswith(LEFT_OUT)]
+        if pages:
+            found[title.get_text(strip=True)] = pages
     return found
 
 
@@ -137,7 +117,7 @@ def chapter(site: Path, page: str, printed: frozenset[str]) -> Chapter:
 
 def parts(site: Path) -> Iterator[Part]:
     """Read the book off its site."""
-    listed = {"": ["index"], **contents(site)}
+    listed = contents(site)
     printed = frozenset(chain.from_iterable(listed.values()))
     for title, pages in listed.items():
         yield Part(title, tuple(chapter(site, page, printed) for page in pages))
@@ -198,9 +178,8 @@ def build(site: Path, output: Path) -> None:
     browser_path = browser_on_path()
     if browser_path is None:
         sys.exit("The PDF is set by a browser. Install Chromium: `chromium` must be on the path.")
-    version = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["project"]["version"]
     book = list(parts(site))
-    title = book[0].chapters[0].title
+    title, version = book[0].chapters[0].title, distribution("nrdob").version
     about = {"title": title, "author": "the nrdob authors", "version": version}
     whole = site / "whole.html"  # beside what it shows
     draft = output.with_suffix(".draft.pdf")
@@ -213,13 +192,9 @@ def build(site: Path, output: Path) -> None:
         tab.set_default_timeout(0)
         tab.goto(whole.as_uri())
         tab.evaluate(SETTLED)
-        tab.evaluate(FITTED)
+        tab.evaluate("() => fit()")
         tab.pdf(path=draft, prefer_css_page_size=True)
-        tab.evaluate(
-            """(numbers) => document.querySelectorAll("[data-page-of]").forEach(
-                (each) => { each.textContent = numbers[each.dataset.pageOf] ?? ""; })""",
-            numbers(draft),
-        )
+        tab.evaluate("(pages) => number(pages)", numbers(draft))
         tab.pdf(path=draft, prefer_css_page_size=True, outline=True, tagged=True)
         browser.close()
     finish(draft, output, book, about)

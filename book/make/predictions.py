@@ -2,17 +2,13 @@
 
 A question is written once, in the notebook of its week. Its chapter holds a copy in one Markdown
 cell, made here, with the figures attached: each choice can be opened and tells what is wrong with
-it, without a kernel or a script. The book shows the same (``book/ext/predict.py``).
-
-    python book/make/predictions.py              write the cells into the chapters
-    python book/make/predictions.py --check      fail if one is not what its question gives
+it, without a kernel or a script.
 """
 
 from __future__ import annotations
 
 import re
 import sys
-from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -32,11 +28,10 @@ COMMENT = re.compile(r"\s*<!--.*?-->")
 
 
 class Picture(NamedTuple):
-    """A figure as a notebook stores it: PNG in base64, what it says, its width on the page."""
+    """A figure as a notebook stores it: PNG in base64, and what it says."""
 
     png: str
     alt: str
-    width: int
 
 
 @dataclass(frozen=True)
@@ -116,7 +111,7 @@ def _read(deck: str, cells: list[Any]) -> Question:
 
 def _pictures(cells: list[Any]) -> list[Picture]:
     return [
-        Picture(output["data"]["image/png"], about["alt"], about["width"])
+        Picture(output["data"]["image/png"], about["alt"])
         for cell in cells
         for output in cell.get("outputs", [])
         if (about := output.get("metadata", {}).get("image/png"))
@@ -135,22 +130,8 @@ def in_html(markdown: str) -> str:
     return "".join(parts)
 
 
-def attached(question: Question, which: str) -> str:
-    """Show a picture that is attached to the cell, if the question has it."""
-    picture = getattr(question, which)
-    return f"![{picture.alt}](attachment:{which}.png)" if picture else ""
-
-
-def markdown(
-    question: Question,
-    summary: Callable[[str], str] = in_html,
-    picture: Callable[[Question, str], str] = attached,
-) -> str:
-    """Write a question: its choices can be opened, each one tells what it comes from.
-
-    `summary` writes the line that is clicked, `picture` the figures ``asked_with`` and
-    ``answered_with``.
-    """
+def markdown(question: Question) -> str:
+    """Write a question: its choices can be opened, each one tells what it comes from."""
     end = "" if question.title.endswith("?") else "."
     blocks = [
         '<div class="prediction">',
@@ -159,10 +140,6 @@ def markdown(
         picture(question, "asked_with"),
         "*Choose, then open your choice.*",
     ]
-
-    def folded(line: str, *behind: str) -> list[str]:
-        return [f"<details><summary>{summary(line)}</summary>", *behind, "</details>"]
-
     for letter, choice in question.choices.items():
         if letter == question.right:
             further = folded(f"*And then:* {question.further}", question.further_answer)
@@ -172,6 +149,17 @@ def markdown(
             told = [f"**No.** {letter} {question.wrong[letter]}"]
         blocks += folded(f"**{letter}** {choice}", *told)
     return "\n\n".join(block for block in [*blocks, "</div>"] if block)
+
+
+def folded(line: str, *behind: str) -> list[str]:
+    """Fold what stands behind a line."""
+    return [f"<details><summary>{in_html(line)}</summary>", *behind, "</details>"]
+
+
+def picture(question: Question, which: str) -> str:
+    """Show a picture that is attached to the cell, if the question has it."""
+    found = getattr(question, which)
+    return f"![{found.alt}](attachment:{which}.png)" if found else ""
 
 
 def put_into(notebook: Any, question: Question) -> None:

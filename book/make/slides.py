@@ -4,9 +4,6 @@ One deck for each week, and one with all questions in the order of the course of
 
 `jupyter nbconvert --to slides` with a template of our own. Code cells are not shown; what they
 made is. reveal.js and MathJax come out of installed packages and are laid beside the slides.
-
-    python book/make/slides.py                      into build/slides
-    python book/make/slides.py --output FOLDER      into another folder
 """
 
 from __future__ import annotations

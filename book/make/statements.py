@@ -30,7 +30,7 @@ from pathlib import Path
 
 from pages import prose_of
 
-HEAD = re.compile(r"\*\*Theorem (\d+|[A-D])\.(\d+) \((.+?)\)\.\*\*\s*")
+HEAD = re.compile(r"\*\*Theorem ((?:\d+|[A-D])\.\d+) \((.+?)\)\.\*\*\s*")
 NUMBERED = re.compile(r"\*\*Theorem\b")
 # A mention, such as "the loop of *Without 2*", has no colon and begins no part.
 PART = re.compile(r"\*(Then|(?:Without|Proof|Known)(?=[^*]*:\*))\b([^*]*?)[:.]?\*[:.,]?\s*")
@@ -44,11 +44,10 @@ NOT_PROSE = re.compile(r"```.*?```|`[^`]*`|\$\$.*?\$\$|\$[^$]*\$", re.DOTALL)
 
 @dataclass(frozen=True)
 class Theorem:
-    """A theorem as its chapter writes it; every text is Markdown."""
+    """A theorem as its chapter writes it, with its number, as 17.1; every text is Markdown."""
 
     page: str
-    chapter: str
-    count: int
+    number: str
     name: str
     setting: str
     conditions: Mapping[int, str]
@@ -59,21 +58,15 @@ class Theorem:
     known: str = ""
 
     @property
-    def number(self) -> str:
-        """The number by which the book refers to it, as 17.1."""
-        return f"{self.chapter}.{self.count}"
-
-    @property
     def anchor(self) -> str:
         """Where its page has it."""
         return anchor(self.number)
 
     @property
-    def parts(self) -> list[tuple[str, str]]:
-        """What follows the conditions, each part with its label."""
-        without = [(f"Without {k}:", text) for k, text in self.without.items()]
-        ends = [("Proof:", self.proof), ("Known:", self.known)]
-        return [("Then", self.then), *without, *ends]
+    def parts(self) -> dict[str, str]:
+        """What follows the conditions, by label."""
+        without = {f"Without {k}": text for k, text in self.without.items()}
+        return {"Then": self.then, **without, "Proof": self.proof, "Known": self.known}
 
     def __str__(self) -> str:
         """Name it and its place, as a complaint about it begins."""
@@ -118,9 +111,7 @@ def parse(page: str, head: re.Match[str], body: str) -> Theorem:
             parts.setdefault(kind.lower(), said.strip())
     setting = "" if setting.strip() == "*Let*" else setting.strip()
     conditions = dict(zip(listed, map(str.strip, items[1::2]), strict=True))
-    return Theorem(
-        page, head[1], int(head[2]), head[3], setting, conditions, listed, without, **parts
-    )
+    return Theorem(page, head[1], head[2], setting, conditions, listed, without, **parts)
 
 
 def mentions(text: str) -> list[str]:
@@ -161,8 +152,7 @@ def faults(page: str, cells: Iterable[str]) -> list[str]:
 
 def faults_of(theorem: Theorem) -> Iterator[str]:
     """Say what one theorem lacks."""
-    own = theorem.page.partition("_")[0].lstrip("0")
-    if own != theorem.chapter:
+    if theorem.page.partition("_")[0].lstrip("0") != theorem.number.partition(".")[0]:
         yield f"stands in {theorem.page}, and has the number of another chapter"
     if not theorem.listed:
         yield "has no numbered conditions"
@@ -172,21 +162,19 @@ def faults_of(theorem: Theorem) -> Iterator[str]:
         yield f"does not say what happens without condition {k}: '*Without {k}:*'"
     for k in sorted(theorem.without.keys() - theorem.conditions.keys()):
         yield f"says what happens without condition {k}, which it does not have"
-    for label, text in (("Then", theorem.then), ("Proof:", theorem.proof)):
+    for label, text in theorem.parts.items():
+        mark = "'*Then*'" if label == "Then" else f"'*{label}:*'"
         if not text:
-            yield f"has no '*{label}*'"
-    if not theorem.known:
-        yield "does not say who knew it: '*Known:*'"
-    for label, text in theorem.parts:
-        if text and not SENTENCE.search(text):
-            yield f"has a '*{label}*' that ends within a sentence: {text[-40:]!r}"
+            yield f"does not say who knew it: {mark}" if label == "Known" else f"has no {mark}"
+        elif not SENTENCE.search(text):
+            yield f"has a {mark} that ends within a sentence: {text[-40:]!r}"
 
 
 def faults_of_order(theorems: list[Theorem]) -> Iterator[str]:
     """Say which numbers of a chapter come twice, else where the first is left out."""
-    counts = [theorem.count for theorem in theorems]
+    counts = [int(theorem.number.partition(".")[2]) for theorem in theorems]
     for place, theorem in enumerate(theorems):
-        if theorem.count in counts[:place]:
+        if counts[place] in counts[:place]:
             yield f"{theorem} has a number that an earlier theorem has"
     odd = [place for place, count in enumerate(counts, 1) if count != place]
     if odd and len(set(counts)) == len(counts):

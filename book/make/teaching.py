@@ -6,10 +6,6 @@ What a program knows comes from it: the problems, their points and typical mista
 chapters promise. What only a teacher knows stands in ``book/nrdob_course/problems.toml``: what to
 ask a student, what earns points where somebody reads the answer. The exit code is 1, and every
 reason is listed, if the two do not fit together; the pages are written in any case.
-
-    python book/make/teaching.py                     write the pages into book/teaching
-    python book/make/teaching.py --output FOLDER     write them there
-    python book/make/teaching.py --check             fail if a stored page is behind its source
 """
 
 from __future__ import annotations

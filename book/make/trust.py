@@ -1,9 +1,6 @@
 """Write the page that says why the package may be trusted, from the runs that are stored.
 
 What was run, how often and with what result stands in ``book/runs.toml``, entered by who ran it.
-
-    python book/make/trust.py              write book/trust.md
-    python book/make/trust.py --check      fail if the stored page is behind
 """
 
 from __future__ import annotations

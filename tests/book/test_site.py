@@ -119,7 +119,7 @@ def site(source: Path, ledger_run: Run, teaching_run: Run) -> Path:
     folder = source.parent
     command = [sys.executable, "-m", "sphinx", "-W", "--keep-going", "-n", "-q", "-b", "html"]
     command += ["-D", f"nrdob_notebooks={ROOT / 'notebooks'}", "-d", str(folder / "doctrees")]
-    command += ["-D", f"nrdob_class={ROOT / 'notebooks' / 'class'}", "-D", f"nrdob_project={ROOT}"]
+    command += ["-D", f"nrdob_project={ROOT}"]
     done = subprocess.run(
         [*command, str(source), str(folder / "html")],
         capture_output=True,
