@@ -10,9 +10,9 @@ from typing import Any
 
 from pypdf import PdfReader
 
-import chromium
+import pdf
 
-CHROMIUM = chromium.find()
+CHROMIUM = pdf.browser_on_path()
 OFFLINE = "--host-resolver-rules=MAP * ~NOTFOUND"
 
 # How a page may be seen beside 360 pixels wide and light.
@@ -161,7 +161,7 @@ def look(tab: Any, page: Path) -> Look:
     tab.on("request", asked)
     tab.on("console", told)
     tab.goto(page.as_uri())
-    tab.evaluate(chromium.SETTLED)
+    tab.evaluate(pdf.SETTLED)
     tab.wait_for_timeout(50)
     found = tab.evaluate(FINDINGS)
     tab.remove_listener("request", asked)
@@ -182,7 +182,7 @@ def look_again(tab: Any, width: int, colours: str) -> Look:
 def printed(tab: Any, page: Path, output: Path) -> PdfReader:
     """Print a page as a browser does that nobody has told how."""
     tab.goto(page.as_uri())
-    tab.evaluate(chromium.SETTLED)
+    tab.evaluate(pdf.SETTLED)
     tab.wait_for_timeout(300)  # the formulas are fitted, and what can be moved is drawn
     margins = dict.fromkeys(("top", "bottom", "left", "right"), "1cm")
     tab.pdf(path=output, format="A4", prefer_css_page_size=True, margin=margins)

@@ -68,29 +68,18 @@ def sections(package: str, modules: list[str]) -> str:
 
 def write_pages(app: Sphinx, _config: Config) -> None:
     """Lay the pages beside the others before they are read."""
-    folder = Path(app.srcdir) / "api"
-    folder.mkdir(exist_ok=True)
     for name, text in pages_of(project_of(app)).items():
-        store(text, folder / f"{name}.md")
+        store(text, Path(app.srcdir, "api", f"{name}.md"))
 
 
-def skip_fields(
-    _app: Sphinx, _what: str, _name: str, member: object, _skip: bool, _options: object
-) -> bool | None:
+def skip_fields(_app: Sphinx, _what: str, _name: str, member: object, *_: object) -> bool | None:
     """Leave out the fields of named tuples, which are told under Attributes."""
     return True if isinstance(member, FIELD) else None
 
 
-def name_functions(
-    _app: Sphinx,
-    _what: str,
-    _name: str,
-    _thing: object,
-    _options: object,
-    arguments: str | None,
-    returned: str | None,
-) -> tuple[str | None, str | None]:
+def name_functions(*given: Any) -> tuple[str | None, str | None]:
     """Show the name of a function that is a default, three dots if there is none."""
+    *_, arguments, returned = given
     return MADE.sub(lambda found: found[1] or "...", arguments or "") or None, returned
 
 
@@ -117,9 +106,7 @@ def written(signature: desc_signature) -> str:
     return found[1]
 
 
-def let_names_break(
-    _app: Sphinx, page: str, _template: str, context: dict[str, Any], _doctree: object
-) -> None:
+def let_names_break(_app: Sphinx, page: str, _: str, context: Any, _doctree: object) -> None:
     """Let a line end after a dot of a module's name, and after the bracket of a call."""
     if page.startswith("api/"):
         body = context["body"].replace(OPENS, f"{OPENS}<wbr>")

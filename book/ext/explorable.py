@@ -12,17 +12,16 @@ without, `sampled` for the motor's speed loop on a processor, `adrc` for the sam
 ADRC, `proof` for Example 4 with the half planes that count its roots. With `:upwards: delay` or
 `gain` the page has a stability chart as well: λ across, this of the plant upwards. The page carries
 the coefficients of its blocks, which come from `nrdob.paper`, and a still picture for those without
-a script; the script computes the rest. Into chapters, which are notebooks, it comes after the
-question that opens them: see `explorables.toml`.
+a script; the script computes the rest. Beside it ``{diagram} nrdob`` draws a block diagram of the
+package on a page that is no notebook.
 """
 
 from __future__ import annotations
 
+import base64
 import json
-import tomllib
 from dataclasses import dataclass, field, replace
 from html import escape
-from pathlib import Path
 from typing import Any, ClassVar
 
 import control as ct
@@ -32,28 +31,22 @@ from docutils.parsers.rst import directives
 from sphinx.application import Sphinx
 from sphinx.util.docutils import SphinxDirective
 
-from drawing import embedded
 from nrdob import NRDOB, LowPassFilter, delay, paper, stability_chart
 from nrdob.alternatives import linear_adrc
-from nrdob.plotting import COLOURS, SHORT, TALL, Figure, axes_for, styled
-from predictions import KEY
+from nrdob.plotting import COLOURS, SHORT, TALL, Figure, axes_for, diagrams, styled
 
 SCRIPTS = tuple(
     f"explore/{name}.js"
     for name in ("loop", "curve", "chart", "sampled", "adrc", "proof", "plot", "view")
 )
-LEAST_ORDER, MOST_ORDER = 1, 6
 AT_REST = {"gain": 1.0, "lag": 0.0, "zero": 0.0, "delay": 0.0}
-CHAPTERS, PLACES = "chapters", "explorables.toml"
-
-
 SLIDERS = ("lambda", "observer", "controller", "T", "gain", "lag", "zero", "delay")
 """What a slider may move, in the order of the page."""
 
 
 @dataclass(frozen=True)
 class Scene:
-    """What stands on a page before anything is moved."""
+    """What stands on a page before anything is moved, and from which to which order one can go."""
 
     kind: str
     loop: NRDOB
@@ -93,7 +86,7 @@ def scene(name: str) -> Scene:
     loop = paper.example(number)
     least = loop.model.den[0][0].size - loop.model.num[0][0].size
     start = {"lambda": loop.filter.time_constant, "order": loop.filter.order}
-    return Scene(kind, loop, start, (max(least, LEAST_ORDER), MOST_ORDER))
+    return Scene(kind, loop, start, (max(least, 1), 6))
 
 
 def still(shown: Scene, upwards: str, ranges: dict[str, tuple[float, float]]) -> Figure:
@@ -117,15 +110,15 @@ def still(shown: Scene, upwards: str, ranges: dict[str, tuple[float, float]]) ->
 
 def under_load(shown: Scene) -> Figure:
     """Draw the speed under the load, with the observer and without."""
-    last = 0.5
     late = delay(shown.start["delay"]) * shown.loop.process
-    loop = NRDOB(late, shown.loop.model, shown.loop.controller, shown.loop.filter)
-    times, load = np.linspace(0.0, last, 501), shown.told["load"]
+    times, load = np.linspace(0.0, 0.5, 501), shown.told["load"]
+
+    def speed(filter: LowPassFilter) -> Any:
+        loop = NRDOB(late, shown.loop.model, shown.loop.controller, filter)
+        return load * loop.step_response("delta", times).outputs[0, 0]
+
     # A filter that is slower by far than what is shown is no observer.
-    without = NRDOB(late, loop.model, loop.controller, LowPassFilter(1e6 * last, 1))
-    held, plain = (
-        load * each.step_response("delta", times).outputs[0, 0] for each in (loop, without)
-    )
+    held, plain = speed(shown.loop.filter), speed(LowPassFilter(5e5, 1))
     with styled():
         (ax,) = axes_for(None, 1, SHORT)
         ax.plot(times, plain, color=COLOURS["model"], label="controller alone")
@@ -134,6 +127,12 @@ def under_load(shown: Scene) -> Figure:
         ax.legend(loc="center right")
     said = f"{held[-1]:.2f} rad/s with the observer and {plain[-1]:.2f} without"
     return Figure(None, ax, alt=f"Speed error after a load of {-load:g} N m: in the end {said}")
+
+
+def embedded(figure: Figure, kind: str) -> str:
+    """Write a figure as an image that the page holds, of a class of the style sheet."""
+    picture = base64.b64encode(figure.png()).decode()
+    return f'<img class="{kind}" alt="{escape(figure.alt)}" src="data:image/png;base64,{picture}">'
 
 
 def limits(text: str) -> tuple[float, float]:
@@ -178,22 +177,18 @@ class Explorable(SphinxDirective):
     has_content = True
     option_spec: ClassVar[dict[str, Any]] = {
         **{f"range-{slider}": limits for slider in SLIDERS},
-        "last": float, "name": directives.unchanged, "upwards": directives.unchanged,
-    }  # fmt: skip
+        "last": float,
+        "upwards": directives.unchanged,
+    }
 
     def run(self) -> list[nodes.Node]:
         upwards = self.options.get("upwards", "")
         shown = scene(self.arguments[0])
-        if upwards:
-            shown = shown.charted()
-        ranges = {
-            slider: self.options[f"range-{slider}"]
-            for slider in SLIDERS
-            if f"range-{slider}" in self.options
-        }
-        given = carried(shown, upwards, ranges, self.options.get("last", 10.0))
+        shown = shown.charted() if upwards else shown
+        given = {slider: self.options.get(f"range-{slider}") for slider in SLIDERS}
+        ranges = {slider: ends for slider, ends in given.items() if ends}
         picture = embedded(still(shown, upwards, ranges), "explorable-still")
-        told = escape(json.dumps(given), quote=True)
+        told = escape(json.dumps(carried(shown, upwards, ranges, self.options.get("last", 10.0))))
         html = f'<div data-explorable="{told}">{picture}</div>'
         text, _ = self.parse_inline(" ".join(self.content))
         figure = nodes.figure(classes=["explorable"])
@@ -202,39 +197,27 @@ class Explorable(SphinxDirective):
         return [figure]
 
 
+class BlockDiagram(SphinxDirective):
+    """Draw one of `nrdob.plotting.diagrams`, with what it shows in words."""
+
+    required_arguments = 1
+
+    def run(self) -> list[nodes.Node]:
+        drawn = getattr(diagrams, self.arguments[0])().plot()
+        return [nodes.raw("", embedded(drawn, "diagram"), format="html")]
+
+
 def fenced(place: dict[str, Any]) -> str:
-    """Write an entry of the table as the directive."""
+    """Write an entry of `explorables.toml` as the directive."""
     options = [
-        f":range-{name}: {low} {high}"
-        for name in SLIDERS
-        if name in place
-        for low, high in [place[name]]
+        f":range-{name}: {value[0]} {value[1]}" if isinstance(value, list) else f":{name}: {value}"
+        for name, value in place.items()
+        if name not in ("shows", "caption")
     ]
-    options += [f":{name}: {place[name]}" for name in ("upwards", "last") if name in place]
-    lines = [f"```{{explorable}} {place['shows']}", *options]
-    return "\n".join([*lines, "", place["caption"], "```"])
+    return "\n".join([f"```{{explorable}} {place['shows']}", *options, "", place["caption"], "```"])
 
 
-def into_chapter(app: Sphinx, page: str, source: list[str]) -> None:
-    """Lay what can be moved behind the question of a chapter, or its first figure."""
-    table = Path(app.srcdir) / PLACES
-    place = tomllib.loads(table.read_text("utf-8")).get(page.removeprefix(f"{CHAPTERS}/"))
-    if place is None or not page.startswith(f"{CHAPTERS}/"):
-        return
-    app.env.note_dependency(table)
-    notebook = json.loads(source[0])
-    metadata = [cell["metadata"] for cell in notebook["cells"]]
-    questions = [k for k, each in enumerate(metadata) if KEY in each]
-    figures = [k for k, each in enumerate(metadata) if "figure" in each.get("mystnb", {})]
-    after = (questions + figures)[0]
-    cell = {"cell_type": "markdown", "id": "explorable", "metadata": {}, "source": fenced(place)}
-    notebook["cells"].insert(after + 1, cell)
-    source[0] = json.dumps(notebook)
-
-
-def add_scripts(
-    app: Sphinx, page: str, _template: str, _context: dict[str, Any], doctree: object
-) -> None:
+def add_scripts(app: Sphinx, page: str, _: str, _context: object, doctree: object) -> None:
     """Load the scripts where there is something to be moved."""
     if doctree is not None and "explorable" in app.env.metadata[page]:
         for script in SCRIPTS:
@@ -243,6 +226,6 @@ def add_scripts(
 
 def setup(app: Sphinx) -> dict[str, bool]:
     app.add_directive("explorable", Explorable)
-    app.connect("source-read", into_chapter)
+    app.add_directive("diagram", BlockDiagram)
     app.connect("html-page-context", add_scripts)
     return {"parallel_read_safe": True, "parallel_write_safe": True}

@@ -1,84 +1,90 @@
-"""What the search of the site knows of the pages, beyond Sphinx's own index of words.
+"""What leads a reader to a word: what the search of the site knows, and the index of ideas.
 
-For each page its kind, and for each section its anchor, title and text as a reader reads it, with
-formulas in plain letters; and for each word of the glossary the chapter that introduces it. All of
-it lies in one script, ``_static/texts.js``, since a page opened from a disk may load no other page.
+The search knows of each page its kind, and of each section the anchor, the title and the text as a
+reader reads it, with formulas in plain letters; and for each word of the glossary the chapter that
+introduces it. All of it lies in one script, ``_static/texts.js``, since a page opened from a disk
+may load no other page.
+
+In the index every word of the glossary has the chapters that speak of it: those to which the
+glossary leads, those with the word in a heading, and those whose text has it often. The names of
+the package stay out: they have a page of their own, and would drown the rest.
 """
 
 from __future__ import annotations
 
 import json
 import re
+from itertools import compress
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
+from unicodedata import normalize
+from xml.etree import ElementTree
 
 from docutils import nodes
 from sphinx import addnodes
 from sphinx.application import Sphinx
+from sphinx.transforms import SphinxTransform
 
-TEXTS = "texts.js"
+from mathml import mathml
+from pages import on_html
+
+TEXTS, GLOSSARY = "texts.js", "glossary.md"
 LONGEST = {"chapter": 540, "page": 400, "names": 120, "teaching": 250}
 """Letters kept of a section, by the kind of its page."""
+KINDS = {"chapters": "chapter", "teaching": "teaching", "api": "names"}
+"""What sort of page lies in a folder."""
+OFTEN = 4
 
 UNREAD = (nodes.comment, nodes.raw, nodes.image, nodes.target, addnodes.index, addnodes.toctree,
           nodes.literal_block, nodes.figure)  # fmt: skip
 BLOCKS = (nodes.paragraph, nodes.math_block, nodes.term, nodes.caption, nodes.rubric)
 
-LETTERS = {
-    "alpha": "α", "beta": "β", "gamma": "γ", "Gamma": "Γ", "delta": "δ", "Delta": "Δ",
-    "varepsilon": "ε", "epsilon": "ε", "eta": "η", "theta": "θ", "lambda": "λ", "Lambda": "Λ",
-    "mu": "μ", "nu": "ν", "pi": "π", "rho": "ρ", "varrho": "ϱ", "sigma": "σ", "tau": "τ",
-    "varphi": "φ", "phi": "φ", "omega": "ω", "Omega": "Ω", "infty": "∞", "le": "≤", "ge": "≥",
-    "leq": "≤", "geq": "≥", "ne": "≠", "approx": "≈", "cdot": "·", "times": "×", "pm": "±",
-    "to": "→", "int": "∫", "sum": "Σ", "in": "∈", "Gm": "G̃", "sim": "∼", "ll": "≪", "gg": "≫",
-    "Rightarrow": "⇒", "iff": "⇔", "quad": " ", "qquad": " ", "e": "e", "j": "j", "angle": "∠",
-    "lvert": "|", "rvert": "|", "vert": "|", "lVert": "‖", "rVert": "‖", "ln": "ln ",
-    "dots": "…", "ldots": "…", "cdots": "…", "circ": "°", "max": "max ", "min": "min ",
-    "prime": "′",
-}  # fmt: skip
-LETTERS |= {
-    name: f"{name} "
-    for name in ("sin", "cos", "tan", "arcsin", "arctan", "arg", "exp", "log", "sup")
-}
-ACCENTS = {"tilde": "\u0303", "hat": "\u0302", "dot": "\u0307", "bar": "\u0304"}
+ENTRIES = re.compile(r"```\{glossary\}\n(.*?)\n```", re.DOTALL)
+PLAIN = str.maketrans("−ϕϵ∘⋅\u2061˜ˆ˙¯", "-φε°· \u0303\u0302\u0307\u0304")
+"""Signs of a formula, and accents, which are set after their letter."""
 SUPERSCRIPTS = str.maketrans("0123456789+-n", "⁰¹²³⁴⁵⁶⁷⁸⁹⁺⁻ⁿ")
 
 
-def plain(latex: str) -> str:
+# --- formulas in plain letters --------------------------------------------------------------------
+
+
+def plain(latex: str, display: bool = False) -> str:
     """Write a formula in one line of plain letters, near enough to be recognised."""
-    text = re.sub(r"\\tag\{\d+\}|\\(?:begin|end)\{\w+\*?\}(?:\{[lcr]+\})?|&", " ", latex)
-    text = text.replace(r"\\", "; ").replace(r"^\circ", "°")
-    text = re.sub(
-        rf"\\(?:wide)?({'|'.join(ACCENTS)})(?![a-z])\s*\{{?\s*(?:\\([A-Za-z]+)|([A-Za-z]))\s*\}}?",
-        lambda found: (found[3] or LETTERS.get(found[2], "")) + ACCENTS[found[1]],
-        text,
-    )
-    text = re.sub(r"\\(?:mathrm|mathcal|mathbf|operatorname|text)\s*\{?([^{}]*)\}?", r"\1", text)
-    part = r"\s*(?:\{([^{}]*)\}|(\\[A-Za-z]+|\w))"
-    for _ in range(4):  # fractions stand in fractions
-        text = re.sub(rf"\\[dt]?frac{part}{part}", fraction, text)
-        text = re.sub(r"\\sqrt\s*\{([^{}]*)\}", r"√(\1)", text)
-        text = re.sub(r"_\{([^{}]*)\}", r"_\1", text)
-        text = re.sub(r"\^(?:\{([^{}]*)\}|(\w))", power, text)
-    text = re.sub(r"\\([A-Za-z]+)", lambda found: LETTERS.get(found[1], ""), text)
-    return " ".join(re.sub(r"\\[,;:!|]?|[{}~$]", " ", text).split())
+    read = mathml(re.sub(r"\\tag\{\d+\}", "", latex).strip(), display)
+    return " ".join(letters(ElementTree.fromstring(read)).split())
 
 
-def fraction(found: re.Match[str]) -> str:
-    """Write a fraction in one line, with the brackets it needs."""
-    above, below = found[1] or found[2] or "", found[3] or found[4] or ""
+def letters(element: ElementTree.Element) -> str:
+    """Write an element of a formula in one line, with the brackets it needs."""
+    parts = [letters(each) for each in element]
+    match element.tag:
+        case "mspace":
+            return " "
+        case "mtable" | "mtr":
+            return {"mtable": "; ", "mtr": " "}[element.tag].join(parts)
+        case "mfrac":
+            return "/".join(
+                part if re.fullmatch(r"[\w\u0303]+", part) else f"({part})" for part in parts
+            )
+        case "msqrt":
+            return f"√({''.join(parts)})"
+        case "msub" | "munder":
+            return f"{parts[0]}_{parts[1]}"
+        case "msup":
+            return parts[0] + power(parts[1])
+        case "msubsup" | "munderover":
+            return f"{parts[0]}_{parts[1]}{power(parts[2])}"
+    text = (element.text or "").translate(PLAIN)
+    return (text if text in "ϱ…" else normalize("NFKC", text)) + "".join(parts)
 
-    def held(part: str) -> str:
-        return part if re.fullmatch(r"[\w\\ \u0303]+", part) else f"({part})"
 
-    return f"{held(above)}/{held(below)}"
-
-
-def power(found: re.Match[str]) -> str:
+def power(exponent: str) -> str:
     """Write a short exponent above the line, another one behind a caret."""
-    exponent = found[1] or found[2] or ""
     raised = exponent.translate(SUPERSCRIPTS)
-    return raised if re.fullmatch(r"[⁰¹²³⁴⁵⁶⁷⁸⁹⁺⁻ⁿ]+", raised) else f"^({exponent})"
+    return raised if re.fullmatch(r"[⁰¹²³⁴⁵⁶⁷⁸⁹⁺⁻ⁿ′°]+", raised) else f"^({exponent})"
+
+
+# --- what a reader reads --------------------------------------------------------------------------
 
 
 def read_aloud(node: nodes.Node) -> str:
@@ -90,7 +96,7 @@ def read_aloud(node: nodes.Node) -> str:
     if isinstance(node, addnodes.pending_xref) and node.get("refdomain") == "cite":
         return ", ".join(map(cited, node["reftarget"].split(",")))
     if isinstance(node, (nodes.math, nodes.math_block)):
-        return plain(node.astext())
+        return plain(node.astext(), isinstance(node, nodes.math_block))
     return "".join(read_aloud(child) for child in node.children)
 
 
@@ -100,44 +106,55 @@ def cited(key: str) -> str:
     return f"{found[1].title()} ({found[2]})" if found else key
 
 
-def texts_of(section: nodes.Element) -> str:
+def text_of(section: nodes.section) -> str:
     """Give the prose of a section, without that of the sections in it."""
     blocks = (
         block
-        for child in section.children
-        if not isinstance(child, (nodes.section, nodes.title))
-        for block in ([child] if isinstance(child, BLOCKS) else child.findall(is_block))
+        for block in section.findall(lambda node: isinstance(node, BLOCKS))
+        if is_in(section, block)
     )
     return " ".join(" ".join(map(read_aloud, blocks)).split())
 
 
-def is_block(node: nodes.Node) -> bool:
-    """Tell a piece of text from what holds pieces."""
-    parent = node.parent
-    while parent is not None and not isinstance(parent, nodes.section):
-        if isinstance(parent, UNREAD):
+def is_in(section: nodes.section, block: nodes.Node) -> bool:
+    """Tell whether a block is a section's own, and in nothing that is unread."""
+    while (block := block.parent) is not section:
+        if isinstance(block, (nodes.section, *UNREAD, *BLOCKS)):
             return False
-        parent = parent.parent
-    return isinstance(node, BLOCKS)
+    return True
 
 
-def kind_of(page: str) -> str:
-    """Tell what sort of page it is: a chapter, for teachers, the names, or another."""
-    folder = page.partition("/")[0]
-    if folder in ("chapters", "teaching"):
-        return folder.removesuffix("s")
-    return "names" if folder == "api" else "page"
+class Word(NamedTuple):
+    """An entry of the glossary: the names of one meaning, and the chapter that it leads to."""
+
+    names: list[str]
+    page: str
+
+
+def words(glossary: Path) -> list[Word]:
+    """Read the entries of the glossary; none without one."""
+    found = ENTRIES.search(glossary.read_text("utf-8")) if glossary.exists() else None
+    return [
+        Word(
+            [line.strip() for line in entry.splitlines() if line[:1].strip()],
+            "".join(re.findall(r"\((chapters/\w+)\.ipynb\)", entry)[-1:]),
+        )
+        for entry in (re.split(r"\n\s*\n", found[1]) if found else ())
+    ]
+
+
+# --- the search -----------------------------------------------------------------------------------
 
 
 def entry(page: str, tree: nodes.document) -> dict[str, Any]:
     """Give what the search knows of one page."""
     sections = list(tree.findall(nodes.section))
-    kind = kind_of(page)
+    kind = KINDS.get(page.partition("/")[0], "page")
     return {
         "kind": kind,
         "title": read_aloud(sections[0][0]) if sections else page,
         "sections": [
-            [section["ids"][0], read_aloud(section[0]), cut(texts_of(section), LONGEST[kind])]
+            [section["ids"][0], read_aloud(section[0]), cut(text_of(section), LONGEST[kind])]
             for section in sections
         ],
     }
@@ -148,40 +165,71 @@ def cut(text: str, most: int) -> str:
     return text if len(text) <= most else text[:most].rpartition(" ")[0] + " …"
 
 
-def led_by_glossary(tree: nodes.document) -> dict[str, str]:
-    """Give for each word of the glossary the chapter that its definition leads to."""
-    found = {}
-    for item in tree.findall(nodes.definition_list_item):
-        targets = [str(node["reftarget"]) for node in item.findall(addnodes.pending_xref)]
-        if links := [target for target in targets if target.startswith("chapters/")]:
-            for term in item.findall(nodes.term):
-                found[read_aloud(term).lower()] = links[-1]
-    return found
-
-
-def write_texts(app: Sphinx, failed: Exception | None) -> None:
+def write_texts(app: Sphinx, folder: Path) -> None:
     """Write the script beside the pages."""
-    if failed or app.builder.name != "html":
-        return
-    trees = {page: app.env.get_doctree(page) for page in sorted(app.env.found_docs)}
     known = {
-        "pages": {page: entry(page, tree) for page, tree in trees.items()},
-        "terms": led_by_glossary(trees["glossary"]) if "glossary" in trees else {},
+        "pages": {
+            page: entry(page, app.env.get_doctree(page)) for page in sorted(app.env.found_docs)
+        },
+        "terms": {
+            name.lower(): word.page
+            for word in words(Path(app.srcdir) / GLOSSARY)
+            for name in word.names
+            if word.page
+        },
     }
     text = json.dumps(known, ensure_ascii=False, separators=(",", ":"))
-    (Path(app.outdir) / "_static" / TEXTS).write_text(f"window.TEXTS = {text};\n", "utf-8")
+    (folder / "_static" / TEXTS).write_text(f"window.TEXTS = {text};\n", "utf-8")
 
 
-def add_scripts(
-    app: Sphinx, page: str, _template: str, _context: dict[str, Any], _doctree: object
-) -> None:
+def add_scripts(app: Sphinx, page: str, *_: object) -> None:
     """Load on the page of the search what it needs."""
     if page == "search":
         app.add_js_file(TEXTS)
         app.add_js_file("search.js", loading_method="defer")
 
 
+# --- the index ------------------------------------------------------------------------------------
+
+
+class Concordance(SphinxTransform):
+    """Index a chapter by the words of the glossary; leave the names of the package out."""
+
+    default_priority = 840  # before Sphinx notes the entries
+
+    def apply(self, **_: object) -> None:
+        kind = KINDS.get(self.env.docname.partition("/")[0])
+        if kind == "names":
+            for index in self.document.findall(addnodes.index):
+                index["entries"] = []
+        sections = list(self.document.findall(nodes.section))
+        if kind != "chapter" or not sections:
+            return
+        glossary = Path(self.env.srcdir) / GLOSSARY
+        self.env.note_dependency(glossary)
+        title = sections[0][0].astext().replace(";", ",")
+        prose = [text_of(section) for section in sections]
+        for word in words(glossary):
+            if place := self.place(word, sections, prose):
+                entry = ("single", f"{word.names[0]}; {title}", place["ids"][0], "", None)
+                place.insert(1, addnodes.index(entries=[entry]))
+
+    def place(
+        self, word: Word, sections: list[nodes.section], prose: list[str]
+    ) -> nodes.section | None:
+        """Find the section that speaks of a word, if the chapter does."""
+        either = "|".join(r"\s+".join(map(re.escape, name.split())) for name in word.names)
+        pattern = re.compile(rf"(?<!\w)(?:{either})(?:e?s)?(?!\w)", re.IGNORECASE)
+        if named := [each for each in sections if pattern.search(each[0].astext())]:
+            return named[0]
+        counts = [len(pattern.findall(text)) for text in prose]
+        if word.page != self.env.docname and sum(counts) < OFTEN:
+            return None
+        return next(compress(sections, counts), sections[0])
+
+
 def setup(app: Sphinx) -> dict[str, bool]:
+    app.add_transform(Concordance)
     app.connect("html-page-context", add_scripts)
-    app.connect("build-finished", write_texts)
+    app.connect("build-finished", on_html(write_texts))
     return {"parallel_read_safe": True, "parallel_write_safe": True}

@@ -1,18 +1,22 @@
-"""The letters of the pages: one face for the text and one for formulas, shipped with the site.
+"""Letters and icons of the pages, shipped with the site.
 
-Both come out of installed packages, and are cut down to the characters of the book: what a reader
-fetches is a tenth of them.
+One face for the text and one for formulas come out of installed packages, and are cut down to the
+characters of the book: what a reader fetches is a tenth of them. The icons that the pages show are
+cut out of the theme's script of two thousand and become a style; as the theme names its script in
+every page, what is left of it is empty.
 """
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
+from urllib.parse import quote
 
 from fontTools import subset
 from fontTools.ttLib import TTFont
 from sphinx.application import Sphinx
 
-from pages import installed
+from pages import installed, on_html
 
 FACES = {
     "text": ("rendercv-fonts", "SourceSans3-Regular.ttf"),
@@ -30,6 +34,9 @@ FORMULAS = """
 1d49c-1d4b5 1d5a0-1d5b9 1d6e4-1d71b
 """
 """Characters, as ranges of their numbers."""
+
+SHOWN = re.compile(r'class="[^"]*\bfas?(?:-solid)? fa-([a-z-]+)')
+SCRIPT = "scripts/fontawesome.js"
 
 
 def cut(face: Path, ranges: str, output: Path) -> None:
@@ -61,18 +68,31 @@ def narrow_roots(font: TTFont) -> None:
         font["hmtx"][name] = (width, round(share * font["hmtx"][name][1]))
 
 
-def write(app: Sphinx, error: Exception | None) -> None:
-    """Lay the faces beside the styles, once."""
-    if error or app.builder.format != "html":
-        return
-    folder = Path(app.outdir, "_static", "fonts")
-    folder.mkdir(parents=True, exist_ok=True)
+def icon(name: str, script: str) -> str:
+    """Give the style of an icon; of several drawings the last is the solid one."""
+    drawn = re.findall(rf'\b"?{name}"?:\[(\d+),(\d+),\[[^\]]*\],"[0-9a-f]+","(M[^"]+)"', script)
+    width, height, path = drawn[-1]
+    box = f'xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {width} {height}"'
+    picture = f'<svg {box}><path d="{path}"/></svg>'
+    return f'.fa-{name} {{ --icon: url("data:image/svg+xml,{quote(picture)}"); }}\n'
+
+
+def write(_app: Sphinx, folder: Path) -> None:
+    """Lay the faces beside the styles, once, write the style of the icons, and empty the script."""
+    static = folder / "_static"
+    (static / "fonts").mkdir(parents=True, exist_ok=True)
     for name, (package, file) in FACES.items():
-        output = folder / f"{name}.woff2"
+        output = static / "fonts" / f"{name}.woff2"
         if not output.exists() or output.stat().st_mtime < Path(__file__).stat().st_mtime:
             cut(installed(package, file), FORMULAS if name == "math" else TEXT, output)
+    pages = (page.read_text("utf-8") for page in folder.rglob("*.html"))
+    shown = sorted({name for page in pages for name in SHOWN.findall(page)})
+    drawn = installed("pydata-sphinx-theme", f"static/{SCRIPT}").read_text("utf-8")
+    (static / "icons.css").write_text("".join(icon(name, drawn) for name in shown), "utf-8")
+    (static / SCRIPT).write_text("", encoding="utf-8")
 
 
 def setup(app: Sphinx) -> dict[str, bool]:
-    app.connect("build-finished", write)
+    app.add_css_file("icons.css")
+    app.connect("build-finished", on_html(write))
     return {"parallel_read_safe": True, "parallel_write_safe": True}

@@ -37,15 +37,12 @@ def visit_inline(translator: Any, node: nodes.math) -> None:
 
 def visit_display(translator: Any, node: nodes.math_block) -> None:
     """Set a formula in a line of its own, with its number."""
-    latex = node.astext().strip()
-    if r"\\" in latex and not latex.startswith(r"\begin"):
-        latex = rf"\begin{{split}}{latex}\end{{split}}"
     translator.body.append(translator.starttag(node, "div", CLASS="math notranslate"))
     if node["number"]:
         translator.body.append(f'<span class="eqno">({get_node_equation_number(translator, node)})')
         translator.add_permalink_ref(node, "Link to this equation")
         translator.body.append("</span>")
-    set_formula(translator, node, latex, display=True)
+    set_formula(translator, node, node.astext().strip(), display=True)
     translator.body.append("</div>\n")
     raise nodes.SkipNode
 

@@ -17,6 +17,7 @@ from sphinx.config import Config
 from sphinx.util.docutils import SphinxDirective
 
 from bundle import pack, to_run
+from pages import on_html
 
 PAGE = "get"
 ARCHIVE = "_downloads/nrdob-notebooks.zip"
@@ -44,28 +45,24 @@ def starts(address: str, page: str) -> dict[str, str]:
     return {"Binder": binder} | ({"Colab": colab} if owner else {})
 
 
-def link(name: str, url: str, icon: str, says: str) -> dict[str, str]:
-    """Describe a button as the theme wants it."""
-    return {"type": "link", "text": name, "url": url, "icon": icon, "tooltip": says,
-            "label": f"get-{name.lower()}"}  # fmt: skip
-
-
-def add_buttons(
-    app: Sphinx, page: str, _template: str, context: dict[str, Any], _doctree: object
-) -> None:
-    """Put what runs the page beside what downloads it."""
+def add_buttons(app: Sphinx, page: str, _: str, context: Any, _doctree: object) -> None:
+    """Put what runs the page beside what downloads it, as the theme wants it."""
     if "header_buttons" not in context:
         return
-    buttons = [
-        link("All of it", context["pathto"](PAGE), "fas fa-box-archive", "Get the book and run it"),
-        *(
-            link(name, url, "fas fa-rocket", f"Run this chapter on {name}")
-            for name, url in starts(app.config.nrdob_repository, page).items()
-        ),
+    rocket = "fas fa-rocket"
+    places = [
+        ("All of it", context["pathto"](PAGE), "fas fa-box-archive", "Get the book and run it")
     ]
+    for name, url in starts(app.config.nrdob_repository, page).items():
+        places.append((name, url, rocket, f"Run this chapter on {name}"))
+    buttons = [
+        {"type": "link", "text": name, "url": url, "icon": icon, "tooltip": says,
+         "label": f"get-{name.lower()}"}
+        for name, url, icon, says in places
+    ]  # fmt: skip
     context["header_buttons"].append(
-        {"type": "group", "tooltip": "Run it", "icon": "fas fa-rocket",
-         "buttons": buttons, "label": "run-buttons"}
+        {"type": "group", "tooltip": "Run it", "icon": rocket, "buttons": buttons,
+         "label": "run-buttons"}
     )  # fmt: skip
 
 
@@ -76,9 +73,8 @@ class Repository(SphinxDirective):
         address = self.config.nrdob_repository
         if not address:
             return []
-        shown = nodes.reference(address, address, refuri=address)
-        pieces = nodes.Text("The project lives at "), shown, nodes.Text(".")
-        return [nodes.paragraph("", "", *pieces)]
+        text, messages = self.parse_inline(f"The project lives at <{address}>.")
+        return [nodes.paragraph("", "", *text), *messages]
 
 
 def project_of(app: Sphinx) -> Path:
@@ -91,10 +87,9 @@ def set_repository(app: Sphinx, config: Config) -> None:
     config.nrdob_repository = repository(project_of(app))
 
 
-def write_archive(app: Sphinx, failed: Exception | None) -> None:
+def write_archive(app: Sphinx, folder: Path) -> None:
     """Lay the notebooks, with all that runs them, beside the pages."""
-    if failed is None and app.builder.format == "html":
-        pack(to_run(project_of(app)), Path(app.outdir) / ARCHIVE)
+    pack(to_run(project_of(app)), folder / ARCHIVE)
 
 
 def setup(app: Sphinx) -> dict[str, bool]:
@@ -103,5 +98,5 @@ def setup(app: Sphinx) -> dict[str, bool]:
     app.connect("config-inited", set_repository)
     app.add_directive("repository", Repository)
     app.connect("html-page-context", add_buttons, priority=600)
-    app.connect("build-finished", write_archive)
+    app.connect("build-finished", on_html(write_archive))
     return {"parallel_read_safe": True, "parallel_write_safe": True}

@@ -22,12 +22,12 @@ from sphinx.application import Sphinx
 from sphinx.transforms import SphinxTransform
 from sphinx.util.docutils import SphinxDirective
 
-from claimlinks import claim_link
+from chapters import CHAPTERS, folder_of
+from mentions import claim_link
 from nrdob_course.claims import LEDGER
 from pages import cells_of, prose_of
 from statements import theorems_of, title_of
 
-CHAPTERS = "chapters"
 TAG = re.compile(r"\s*\\tag\{(\d+)\}")
 DISPLAYED = re.compile(r"\$\$(.+?)\$\$|\\begin\{(\w+\*?)\}.+?\\end\{\2\}", re.DOTALL)
 FIGURE = re.compile(r"fig-(\d+)(-[a-zH]+)?")
@@ -63,21 +63,18 @@ class PaperNumbers(SphinxTransform):
     def apply(self, **_: object) -> None:
         if not self.env.docname.startswith(f"{CHAPTERS}/"):
             return
-        numbered: set[str] = set()
+        led: set[str] = set()
         for formula in list(self.document.findall(nodes.math_block)):
-            numbers = TAG.findall(formula.astext())
-            if len(numbers) == 1:
-                self.number(formula, numbers[0])
-            if new := [number for number in numbers if number not in numbered]:
-                numbered |= set(new)
+            latex = formula.astext()
+            numbers = TAG.findall(latex)
+            if len(numbers) == 1:  # the page sets it, where any formula can
+                formula.rawsource = TAG.sub("", latex)
+                formula.children = []
+                formula += nodes.Text(formula.rawsource)
+                formula["number"] = numbers[0]
+            if new := [number for number in numbers if number not in led]:
+                led |= set(new)
                 self.lead(formula, new)
-
-    def number(self, formula: nodes.math_block, number: str) -> None:
-        """Take the number out of the formula, and let the page set it, where any formula can."""
-        formula.rawsource = TAG.sub("", formula.astext())
-        formula.children = []
-        formula += nodes.Text(formula.rawsource)
-        formula["number"] = number
 
     def lead(self, formula: nodes.math_block, numbers: list[str]) -> None:
         """Give a formula its anchors, and a line that leads to the ledger."""
@@ -85,11 +82,9 @@ class PaperNumbers(SphinxTransform):
         targets = [nodes.target("", "", ids=[each], names=[each]) for each in anchors]
         if not formula.get("ids"):
             formula["ids"] = [f"paper-formula-{numbers[0]}"]
-        line = nodes.paragraph("", "", classes=["paper-number"])
-        many = len(numbers) > 1
-        line += nodes.Text(
-            f"The paper's equation{'s' * many} {', '.join(f'({number})' for number in numbers)}"
-        )
+        listed = ", ".join(f"({number})" for number in numbers)
+        said = f"The paper's equation{'s' * (len(numbers) > 1)} {listed}"
+        line = nodes.paragraph("", "", nodes.Text(said), classes=["paper-number"])
         for k, id in enumerate(id for number in numbers for id in claims_of(f"eq{int(number):02}")):
             line += [nodes.Text("; " if k else ": "), claim_link(id, self.env.docname, formula)]
         place = formula.parent.index(formula)
@@ -100,10 +95,7 @@ class PaperMap(SphinxDirective):
     """The table from the paper's numbers to the book."""
 
     def run(self) -> list[nodes.Node]:
-        folder = Path(self.env.srcdir) / CHAPTERS
-        for path in folder.glob("*.ipynb"):
-            self.env.note_dependency(path)
-        return self.parse_text_to_nodes(table(folder))
+        return self.parse_text_to_nodes(table(folder_of(self.env, noted=True)))
 
 
 def equations_in(cells: Iterable[str]) -> list[int]:
@@ -130,25 +122,26 @@ def table(folder: Path) -> str:
     def chapter(page: str) -> str:
         return f"[{short(page)} {title_of(pages[page])}](/{CHAPTERS}/{page}.ipynb)"
 
-    def row(name: str, places: list[str], claims: list[str]) -> str:
-        ledger = " ".join(f"`claim:{id}`" for id in claims)
-        return f"| {name} | {'; '.join(places) or '–'} | {ledger or '–'} |"
-
     def short(page: str) -> str:
         return page.partition("_")[0].lstrip("0")
 
     rows = ["| In the paper | In the book | In the ledger |", "|---|---|---|"]
+
+    def row(name: str, places: list[str], claims: list[str]) -> None:
+        ledger = " ".join(f"`claim:{id}`" for id in claims)
+        rows.append(f"| {name} | {'; '.join(places) or '–'} | {ledger or '–'} |")
+
     for n in EQUATIONS:
         claims = claims_of(f"eq{n:02}")
         shown = dict.fromkeys(LEDGER[id].chapter for id in claims)
         at = [page for page, of in equations.items() if n in of] or [p for p in shown if p in pages]
-        rows.append(row(f"eq. ({n})", [chapter(page) for page in at], claims))
+        row(f"eq. ({n})", [chapter(page) for page in at], claims)
     for name, stem in (("Lemma 1", "lemma1"), ("Lemma 2", "lemma2"), ("Corollary 1", "cor1")):
         at = [f"Theorem {t.number} ({t.name})" for t in theorems if name in t.name]
         at += [chapter(page) for page, path in pages.items() if name in title_of(path)]
-        rows.append(row(name, at, claims_of(stem)))
+        row(name, at, claims_of(stem))
     for n, page in EXAMPLES.items():
-        rows.append(row(f"Example {n}", [chapter(page)] if page in pages else [], []))
+        row(f"Example {n}", [chapter(page)] if page in pages else [], [])
     for n in FIGURES:
         at = [
             f"[{short(page)}, Figure {n}{PARTS[name.rpartition('-')[2]]}](#{name})"
@@ -156,7 +149,7 @@ def table(folder: Path) -> str:
             for name, number in names.items()
             if number == n
         ]
-        rows.append(row(f"Figure {n}", at, claims_of(f"fig{n:02}", n)))
+        row(f"Figure {n}", at, claims_of(f"fig{n:02}", n))
     return "\n".join(rows)
 
 

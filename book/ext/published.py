@@ -14,10 +14,11 @@ from html import escape
 from pathlib import Path
 from typing import Any
 from urllib.parse import urljoin
-from xml.sax.saxutils import escape as xml
 
 from sphinx.application import Sphinx
 from sphinx.config import Config
+
+from pages import on_html, render, store
 
 PICTURE = "_static/readme.png"
 PDF = "nrdob.pdf"
@@ -27,14 +28,6 @@ SAYS = (
     "When is a loop with a disturbance observer stable, and how far from trouble? An executable "
     "book: every number is computed in front of you."
 )
-NOT_FOUND = """<!DOCTYPE html>
-<html lang="en"><head><meta charset="utf-8"><title>Not found</title>
-<meta name="viewport" content="width=device-width, initial-scale=1">
-<style>body {{ font: 1.1rem/1.6 sans-serif; max-width: 36rem; margin: 3rem auto; padding: 0 1rem; }}
-:root {{ color-scheme: light dark; }}</style></head>
-<body><h1>This page is not here</h1><p>Chapters were numbered anew in the third edition. Begin at
-<a href="{address}">the front page</a>, or <a href="{search}">search the book</a>.</p></body></html>
-"""
 
 
 def set_address(app: Sphinx, config: Config) -> None:
@@ -45,46 +38,24 @@ def set_address(app: Sphinx, config: Config) -> None:
         app.tags.add("published")
 
 
-def card(address: str, title: str, page: str, place: str) -> str:
-    """Write what a link to a page, which is at this place, shows elsewhere."""
+def add_card(app: Sphinx, page: str, _: str, context: Any, doctree: object) -> None:
+    """Put into the head of each page what a link to it shows elsewhere."""
+    address = app.config.html_baseurl
+    if doctree is None or not address:
+        return
     said = {
         "og:type": "article" if page.startswith("chapters/") else "website",
-        "og:title": title,
+        "og:title": app.env.titles[page].astext(),
         "og:description": SAYS,
-        "og:url": place,
+        "og:url": context["pageurl"],
         "og:image": urljoin(address, PICTURE),
         "twitter:card": "summary_large_image",
     }
-    return "\n".join(
-        f'<meta property="{name}" content="{escape(text, quote=True)}">'
-        for name, text in said.items()
-    )
+    tags = [f'<meta property="{name}" content="{escape(text)}">' for name, text in said.items()]
+    context["metatags"] = "\n".join([context.get("metatags", ""), *tags])
 
 
-def sitemap(address: str, pages: list[str]) -> str:
-    """List the pages for search engines."""
-    places = "\n".join(
-        f"<url><loc>{xml(urljoin(address, f'{page}.html'))}</loc></url>" for page in pages
-    )
-    return (
-        '<?xml version="1.0" encoding="UTF-8"?>\n'
-        f'<urlset xmlns="http://www.sitemaps.org/schemas/sitemap/0.9">\n{places}\n</urlset>\n'
-    )
-
-
-def add_card(
-    app: Sphinx, page: str, _template: str, context: dict[str, Any], doctree: object
-) -> None:
-    """Put the card into the head of each page."""
-    if doctree is not None and (address := app.config.html_baseurl):
-        title = app.env.titles[page].astext()
-        said = card(address, title, page, context["pageurl"])
-        context["metatags"] = f"{context.get('metatags', '')}\n{said}"
-
-
-def add_pdf(
-    app: Sphinx, _page: str, _template: str, context: dict[str, Any], _doctree: object
-) -> None:
+def add_pdf(app: Sphinx, _page: str, _: str, context: Any, _doctree: object) -> None:
     """Put the whole book into the menu of what can be downloaded."""
     for group in context.get("header_buttons", []):
         if app.config.html_baseurl and group["label"] == "download-buttons":
@@ -95,20 +66,16 @@ def add_pdf(
             )  # fmt: skip
 
 
-def write_lists(app: Sphinx, failed: Exception | None) -> None:
-    """Write the sitemap and the page for what is not there."""
-    address = app.config.html_baseurl
-    if failed is None and address and app.builder.format == "html":
-        folder = Path(app.outdir)
-        pages = sorted(app.env.found_docs)
-        (folder / "sitemap.xml").write_text(sitemap(address, pages), encoding="utf-8")
-        missing = NOT_FOUND.format(address=address, search=urljoin(address, "search.html"))
-        (folder / "404.html").write_text(missing, encoding="utf-8")
+def write_lists(app: Sphinx, folder: Path) -> None:
+    """Write the sitemap for search engines, and the page for what is not there."""
+    if address := app.config.html_baseurl:
+        for name in ("sitemap.xml", "404.html"):
+            store(render(name, address=address, pages=sorted(app.env.found_docs)), folder / name)
 
 
 def setup(app: Sphinx) -> dict[str, bool]:
     app.connect("config-inited", set_address)
     app.connect("html-page-context", add_card)
     app.connect("html-page-context", add_pdf, priority=600)
-    app.connect("build-finished", write_lists)
+    app.connect("build-finished", on_html(write_lists))
     return {"parallel_read_safe": True, "parallel_write_safe": True}

@@ -35,19 +35,25 @@ BEFORE = re.compile(r"[(\[“‘]+$")
 VERBATIM = (nodes.FixedTextElement, nodes.literal, nodes.math, addnodes.desc_signature)
 
 
-def tie_words(_app: Sphinx, doctree: nodes.document, _page: str) -> None:
+def typeset(app: Sphinx, doctree: nodes.document, page: str) -> None:
+    """Do it all, after every reference is resolved."""
+    mark_code(doctree)
+    name_corners(doctree)
+    tie_words(doctree)
+    if app.builder.format == "html" and page.startswith("chapters/"):
+        link_pictures(app, doctree, page)
+    tie_punctuation(doctree)
+
+
+def tie_words(doctree: nodes.document) -> None:
     """Keep numbers beside their units and names, and the sign that ends a proof in its line."""
     for text in list(doctree.findall(nodes.Text)):
-        if not isinstance(text.parent, VERBATIM) and (tied := unbroken(text)) != text:
+        if not isinstance(text.parent, VERBATIM):
+            tied = LOOSE.sub(lambda found: re.sub(r"\s", SPACE, found.group()), text)
             text.parent.replace(text, nodes.Text(tied))
 
 
-def unbroken(text: str) -> str:
-    """Write what belongs together with spaces at which no line is broken."""
-    return LOOSE.sub(lambda found: re.sub(r"\s", SPACE, found.group()), text)
-
-
-def tie_punctuation(_app: Sphinx, doctree: nodes.document, _page: str) -> None:
+def tie_punctuation(doctree: nodes.document) -> None:
     """Put each inline formula into one unbreakable piece with the marks and the unit behind it."""
     for formula in list(doctree.findall(nodes.math)):
         behind = AFTER_NUMBER if re.search(r"\d}?$", formula.astext()) else AFTER
@@ -73,8 +79,6 @@ def touching(formula: nodes.math, step: int, marks: re.Pattern[str]) -> str:
 
 def link_pictures(app: Sphinx, doctree: nodes.document, page: str) -> None:
     """Let each picture of a chapter lead to its file."""
-    if app.builder.format != "html" or not page.startswith("chapters/"):
-        return
     folder = relative_uri(app.builder.get_target_uri(page), app.builder.imagedir)
     for image in list(doctree.findall(nodes.image)):
         if image["uri"] in app.env.images and not isinstance(image.parent, nodes.reference):
@@ -86,21 +90,18 @@ def link_pictures(app: Sphinx, doctree: nodes.document, page: str) -> None:
             link += image
 
 
-def mark_columns(_app: Sphinx, doctree: nodes.document, _page: str) -> None:
-    """Tell printed columns from printed sentences."""
+def mark_code(doctree: nodes.document) -> None:
+    """Tell printed columns from sentences, and code too long to go onto the next sheet whole."""
     for block in doctree.findall(nodes.literal_block):
-        if "output" in block["classes"] and COLUMNS.search(block.astext()):
-            block["classes"].append("aligned")
-
-
-def mark_long(_app: Sphinx, doctree: nodes.document, _page: str) -> None:
-    """Mark the code that is too long to be moved to the next sheet of paper as a whole."""
-    for block in doctree.findall(nodes.literal_block):
-        if "output" not in block["classes"] and block.astext().count("\n") >= LONG:
+        code = block.astext()
+        if "output" in block["classes"]:
+            if COLUMNS.search(code):
+                block["classes"].append("aligned")
+        elif code.count("\n") >= LONG:
             block["classes"].append("long")
 
 
-def name_corners(_app: Sphinx, doctree: nodes.document, _page: str) -> None:
+def name_corners(doctree: nodes.document) -> None:
     """Put a word into the empty corner of a table, for those who hear the heads of its columns."""
     for head in doctree.findall(nodes.thead):
         for entry in head.findall(nodes.entry):
@@ -109,33 +110,18 @@ def name_corners(_app: Sphinx, doctree: nodes.document, _page: str) -> None:
                 entry += nodes.paragraph("", "", word)
 
 
-def name_toggles(
-    _app: Sphinx, _page: str, _template: str, context: dict[str, Any], _doctree: object
-) -> None:
-    """Say what the arrows in the list of contents do."""
+def name_parts(_app: Sphinx, _page: str, _: str, context: Any, _doctree: object) -> None:
+    """Say what the arrows in the list of contents do; call a reference the item of a list."""
     named = '<summary aria-label="The pages of this part">'
     if make := context.get("generate_toctree_html"):
         context["generate_toctree_html"] = lambda *args, **options: str(
             make(*args, **options)
         ).replace("<summary>", named)
-
-
-def name_references(
-    _app: Sphinx, _page: str, _template: str, context: dict[str, Any], _doctree: object
-) -> None:
-    """Call the entries of a bibliography what the items of a list are called."""
     if "body" in context:
         context["body"] = context["body"].replace('role="doc-biblioentry"', 'role="listitem"')
 
 
 def setup(app: Sphinx) -> dict[str, bool]:
-    """Tie after every reference is resolved, name after the theme has made its functions."""
-    app.connect("doctree-resolved", tie_words, priority=900)
-    app.connect("doctree-resolved", tie_punctuation, priority=910)
-    app.connect("doctree-resolved", link_pictures, priority=900)
-    app.connect("doctree-resolved", mark_columns)
-    app.connect("doctree-resolved", mark_long)
-    app.connect("doctree-resolved", name_corners)
-    app.connect("html-page-context", name_toggles, priority=900)
-    app.connect("html-page-context", name_references)
+    app.connect("doctree-resolved", typeset, priority=900)
+    app.connect("html-page-context", name_parts, priority=900)  # the theme's functions are made
     return {"parallel_read_safe": True, "parallel_write_safe": True}

@@ -1,8 +1,5 @@
 """Pack what runs the notebooks, and with it the book, into one file to be downloaded.
 
-    python book/make/bundle.py                into build/nrdob-book.zip
-    python book/make/bundle.py --output FILE  into another file
-
 The problem sets stay out: where they lie, their solutions lie, too (`make release` gives them out).
 """
 

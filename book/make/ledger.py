@@ -5,9 +5,6 @@ listed, if a check does not give its verdict, or if ledger and chapters do not f
 citation of a claim that does not exist, a claim that its own chapter does not cite, a claim whose
 chapter is missing. The pages are written in any case, with what could be settled, so that the
 author of a chapter can look at them.
-
-    python book/make/ledger.py                     write book/ledger.md and book/errata.md
-    python book/make/ledger.py --output FOLDER     write them there
 """
 
 from __future__ import annotations
@@ -15,18 +12,17 @@ from __future__ import annotations
 import re
 import sys
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 from nrdob_course.claims import LEDGER, Claim, Entry, Verdict
 from nrdob_course.claims.ledger import settle
-from pages import NOTEBOOKS, ROOT, cells_of, options, render, store
+from pages import NOTEBOOKS, ROOT, cells_of, options, render, report, store
 
 CITED_IN_PROSE = re.compile(r"(?<!`)`claim:([^`\s]+)`(?!`)")
-CITED_IN_CODE = re.compile(r"""\bclaims\.check\(\s*["']([^"']+)["']""")
 HEADING = re.compile(r"#{1,6}\s+(.*?)\s*#*$")
-FENCE = re.compile(r"\s*(?:```|~~~)")
+FENCED = re.compile(r"^\s*(```|~~~).*?(?:^\s*\1[^\n]*$|\Z)", re.MULTILINE | re.DOTALL)
 
 PAGES = ("ledger.md", "errata.md")
 
@@ -54,35 +50,20 @@ class Chapter:
 
 
 def read_chapter(path: Path) -> Chapter:
-    """Read title and citations of one notebook."""
+    """Read title and citations of one notebook, in prose and in the metadata of cells."""
     title = heading = ""
     cited: dict[str, str] = {}
     for cell in cells_of(path):
-        ids = CITED_IN_CODE.findall(cell["source"]) if cell["cell_type"] == "code" else []
-        for line in prose(cell["source"]) if cell["cell_type"] != "code" else ():
-            if match := HEADING.match(line):
-                heading = match.group(1)
-                title = title or heading
-            for id in CITED_IN_PROSE.findall(line):
-                cited.setdefault(id, heading)
-        for id in [*ids, *cell["metadata"].get("claims", ())]:
+        if cell["cell_type"] != "code":
+            for line in FENCED.sub("", cell["source"]).splitlines():
+                if match := HEADING.match(line):
+                    heading = match.group(1)
+                    title = title or heading
+                for id in CITED_IN_PROSE.findall(line):
+                    cited.setdefault(id, heading)
+        for id in cell["metadata"].get("claims", ()):
             cited.setdefault(id, heading)
     return Chapter(path.stem, title or path.stem, cited)
-
-
-def prose(text: str) -> Iterator[str]:
-    """Give the lines of a Markdown text, fenced code left out."""
-    inside = False
-    for line in text.splitlines():
-        if FENCE.match(line):
-            inside = not inside
-        elif not inside:
-            yield line
-
-
-def read_chapters(folder: Path) -> dict[str, Chapter]:
-    """Read every notebook of a folder, in reading order."""
-    return {path.stem: read_chapter(path) for path in sorted(folder.glob("*.ipynb"))}
 
 
 def settle_all(
@@ -101,28 +82,20 @@ def settle_all(
 
 def misfits(ledger: Mapping[str, Claim], chapters: Mapping[str, Chapter]) -> list[str]:
     """Tell where ledger and chapters do not fit together."""
-    unknown = [
+    told = [
         f"{id}: cited in {chapter.stem}, section {heading!r}, but there is no such claim"
         for chapter in chapters.values()
         for id, heading in chapter.citations.items()
         if id not in ledger
     ]
-    without_chapter = [
-        f"{claim.id}: belongs to the chapter {claim.chapter}, which does not exist"
-        for claim in ledger.values()
-        if claim.chapter not in chapters
-    ]
-    not_shown = [
-        f"{claim.id}: not cited in its own chapter, {claim.chapter}"
-        for claim in ledger.values()
-        if claim.chapter in chapters and claim.id not in chapters[claim.chapter].citations
-    ]
-    nowhere = [
-        f"{id}: begins like no part of the paper; see PARTS in book/make/ledger.py"
-        for id in ledger
-        if part_of(id) is None
-    ]
-    return unknown + without_chapter + not_shown + nowhere
+    for id, claim in ledger.items():
+        if claim.chapter not in chapters:
+            told.append(f"{id}: belongs to the chapter {claim.chapter}, which does not exist")
+        elif id not in chapters[claim.chapter].citations:
+            told.append(f"{id}: not cited in its own chapter, {claim.chapter}")
+        if part_of(id) is None:
+            told.append(f"{id}: begins like no part of the paper; see PARTS in book/make/ledger.py")
+    return told
 
 
 # --- the pages ----------------------------------------------------------------------------------
@@ -136,9 +109,10 @@ def part_of(id: str) -> str | None:
 
 def by_part(entries: Sequence[Entry]) -> dict[str, list[Entry]]:
     """Group the entries by part of the paper, in its order."""
-    groups = {
-        part: [entry for entry in entries if part_of(entry.claim.id) == part] for part in PARTS
-    }
+    groups: dict[str, list[Entry]] = {part: [] for part in PARTS}
+    for entry in entries:
+        if part := part_of(entry.claim.id):
+            groups[part].append(entry)
     return {part: members for part, members in groups.items() if members}
 
 
@@ -159,18 +133,6 @@ def places(claim: Claim, chapters: Mapping[str, Chapter]) -> str:
     return "; ".join(links)
 
 
-def page(name: str, entries: Sequence[Entry], chapters: Mapping[str, Chapter]) -> str:
-    """Write the ledger, with every claim, or the errata, with what does not hold as printed."""
-    return render(
-        name,
-        entries=entries,
-        parts=by_part(entries),
-        verdicts=Verdict,
-        count=count,
-        places=lambda claim: places(claim, chapters),
-    )
-
-
 # --- the command line ---------------------------------------------------------------------------
 
 
@@ -185,19 +147,21 @@ def main(
     """
     given = options(__doc__, arguments, output=ROOT / "book", notebooks=NOTEBOOKS)
     start = time.perf_counter()
-    chapters = read_chapters(given.notebooks)
+    chapters = {path.stem: read_chapter(path) for path in sorted(given.notebooks.glob("*.ipynb"))}
     entries, problems = settle_all(ledger, settle)
-    problems += misfits(ledger, chapters)
-
-    given.output.mkdir(parents=True, exist_ok=True)
-    for name in PAGES:
-        store(page(name, entries, chapters), given.output / name)
-
+    for name in PAGES:  # the ledger with every claim, the errata with what does not hold as printed
+        text = render(
+            name,
+            entries=entries,
+            parts=by_part(entries),
+            verdicts=Verdict,
+            count=count,
+            places=lambda claim: places(claim, chapters),
+        )
+        store(text, given.output / name)
     verdicts = ", ".join(f"{count(entries, verdict)} {verdict.value}" for verdict in Verdict)
     print(f"The ledger: {len(entries)} claims ({verdicts}), {time.perf_counter() - start:.1f} s")
-    if problems:
-        print("The ledger is not in order:", *problems, sep="\n  ", file=sys.stderr)
-    return 1 if problems else 0
+    return report("The ledger", problems + misfits(ledger, chapters))
 
 
 if __name__ == "__main__":

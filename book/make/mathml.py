@@ -11,6 +11,7 @@ from __future__ import annotations
 import atexit
 import json
 from functools import cache, lru_cache
+from unicodedata import lookup
 from xml.etree import ElementTree
 
 from py_mini_racer import JSEvalException, MiniRacer
@@ -45,12 +46,6 @@ globalThis.read = (math, display) =>
   visitor.visitTree(tex.compile({ ...nothing(), math, display }, { options: {}, math: [] }));
 """
 
-ALPHABETS = {"bold": (0x1D400, 0x1D41A), "sans-serif": (0x1D5A0, 0x1D5BA), "script": (0x1D49C, 0)}
-"""Where the capital and the small letters of each begin in Unicode."""
-
-OLDER = {"ℬ": 1, "ℰ": 4, "ℱ": 5, "ℋ": 7, "ℐ": 8, "ℒ": 11, "ℳ": 12, "ℛ": 17}
-"""Script capitals that Unicode had before the others, by their place in the alphabet."""
-
 APPLIED = "\N{FUNCTION APPLICATION}"
 SIGNS, CLOSING, DOTS = set("+−±∓"), set(")]}|‖!…⋯"), set(".…⋯")
 ACCENTS, PRIMES = {"^": "ˆ", "~": "˜"}, set("′″‴")
@@ -84,6 +79,8 @@ def mathml(latex: str, display: bool = False) -> str:
     >>> print(mathml(r"\\Gm"))
     <math alttext="\\Gm"><mover accent="true"><mi>G</mi><mo stretchy="false">˜</mo></mover></math>
     """
+    if display and r"\\" in latex and not latex.startswith(r"\begin"):
+        latex = rf"\begin{{split}}{latex}\end{{split}}"
     try:
         written = mathjax().call("read", latex, display)
     except JSEvalException as error:
@@ -136,14 +133,16 @@ def in_alphabet(letter: ElementTree.Element, variant: str) -> None:
     if variant == "normal":
         letter.set("mathvariant", variant)
     elif variant:
-        capital, small = ALPHABETS[variant]
-        text = letter.text or ""
-        places = [
-            (small, ord(each) - ord("a")) if each.islower() else (capital, ord(each) - ord("A"))
-            for each in text
-        ]
-        older = {place: sign for sign, place in OLDER.items()} if variant == "script" else {}
-        letter.text = "".join(older.get(place, chr(start + place)) for start, place in places)
+        letter.text = "".join(sign(each, variant.upper()) for each in letter.text or "")
+
+
+def sign(letter: str, alphabet: str) -> str:
+    """Give a letter of another alphabet; some script capitals have an older name."""
+    name = f"{alphabet} {'SMALL' if letter.islower() else 'CAPITAL'} {letter.upper()}"
+    try:
+        return lookup(f"MATHEMATICAL {name}")
+    except KeyError:
+        return lookup(name)
 
 
 def as_operator(operator: ElementTree.Element, role: str) -> ElementTree.Element:

@@ -3,10 +3,6 @@
 The result depends on nothing but the notebook, the code and the installed versions: no times,
 no counters left over, one fixed set of metadata. So a second run gives the same bytes, and a
 difference means that something really changed.
-
-    python book/make/notebooks.py --output build/notebooks    run into a folder
-    python book/make/notebooks.py --in-place                  run, and store the outputs
-    python book/make/notebooks.py --check                     run, and compare with what is stored
 """
 
 from __future__ import annotations
@@ -15,8 +11,8 @@ import argparse
 import sys
 import time
 from concurrent.futures import ProcessPoolExecutor
-from dataclasses import dataclass
 from pathlib import Path
+from typing import NamedTuple
 
 from nbclient.exceptions import CellExecutionError, CellTimeoutError, DeadKernelError
 
@@ -27,8 +23,7 @@ SECONDS = 300
 """Limit for one cell."""
 
 
-@dataclass(frozen=True)
-class Run:
+class Run(NamedTuple):
     """What came out of running one notebook: the text to store, or what went wrong."""
 
     path: Path
@@ -69,11 +64,9 @@ def main(arguments: list[str] | None = None) -> int:
     if not paths:
         print(f"No notebooks in {NOTEBOOKS}", file=sys.stderr)
         return 1
-    if given.output:
-        given.output.mkdir(parents=True, exist_ok=True)
-        if not given.notebooks:  # a chapter that was removed must not stay in the folder
-            for old in given.output.glob("*.ipynb"):
-                old.unlink()
+    if given.output and not given.notebooks:
+        for old in given.output.glob("*.ipynb"):  # a chapter that was removed must not stay there
+            old.unlink()
     with ProcessPoolExecutor(max_workers=min(2, len(paths))) as pool:
         runs = list(pool.map(run, paths))
 
@@ -87,7 +80,8 @@ def main(arguments: list[str] | None = None) -> int:
             problems.append(f"{done.path.name} is not what running it gives: make execute")
     if given.report:
         print(*(f"{done.seconds:7.1f} s  {done.path.name}" for done in runs), sep="\n")
-    print(*problems, sep="\n", end="\n" if problems else "", file=sys.stderr)
+    for problem in problems:
+        print(problem, file=sys.stderr)
     return 1 if problems else 0
 
 

@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass
 from pathlib import Path
+from typing import NamedTuple
 
 from pages import cells_of
-
-__all__ = ["PARTS", "Chapter", "read_chapter"]
 
 PARTS = {
     "The paper in an afternoon": ["01", "02", "03", "04", "05", "06", "07", "08"],
@@ -25,18 +23,14 @@ MINUTES = re.compile(r"\*\*Time\*\* (\d+) minutes")
 CHAPTER = re.compile(r"\((\d\d|[A-D])_\w+\.ipynb\)")
 
 
-@dataclass(frozen=True)
-class Chapter:
-    """What a chapter promises, and the numbers of the chapters that it needs.
-
-    Without the line that says it, the time is 0 and `needs` is None.
-    """
+class Chapter(NamedTuple):
+    """What a chapter promises, and the numbers of the chapters that it needs."""
 
     stem: str
     title: str
     minutes: int
     objectives: tuple[str, ...]
-    needs: tuple[str, ...] | None
+    needs: tuple[str, ...]
 
     @property
     def link(self) -> str:
@@ -50,12 +44,17 @@ class Chapter:
 
 
 def read_chapter(path: Path) -> Chapter:
-    """Read the first cell of a chapter."""
+    """Read the first cell of a chapter, or say what it lacks."""
     opening = cells_of(path)[0]["source"]
-    title = TITLE.match(opening)
-    time, promised, needed = (each.search(opening) for each in (MINUTES, PROMISED, NEEDED))
-    lines = promised[1].splitlines() if promised else []
-    objectives = [line.removeprefix("- ").rstrip(";. ") for line in lines if line.startswith("- ")]
-    needs = tuple(dict.fromkeys(CHAPTER.findall(needed[1]))) if needed else None
-    found = title[1] if title else ""
-    return Chapter(path.stem, found, int(time[1]) if time else 0, tuple(objectives), needs)
+    title, time = TITLE.match(opening), MINUTES.search(opening)
+    promised, needed = PROMISED.search(opening), NEEDED.search(opening)
+    if not (title and time and needed):
+        raise ValueError(f"{path.name} must open with a title, **You need** and **Time** n minutes")
+    listed = re.findall(r"^- (.*?)[;. ]*$", promised[1], re.MULTILINE) if promised else []
+    needs = dict.fromkeys(CHAPTER.findall(needed[1]))
+    return Chapter(path.stem, title[1], int(time[1]), tuple(listed), tuple(needs))
+
+
+def read_chapters(folder: Path) -> list[Chapter]:
+    """Read the openings of all chapters in a folder, in reading order."""
+    return [read_chapter(path) for path in sorted(folder.glob("*.ipynb"))]

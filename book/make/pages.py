@@ -5,6 +5,8 @@ from __future__ import annotations
 import argparse
 import json
 import re
+import sys
+from collections.abc import Callable, Mapping, Sequence
 from importlib.metadata import distribution
 from pathlib import Path
 from typing import Any
@@ -14,6 +16,12 @@ from jinja2 import Environment, FileSystemLoader, StrictUndefined
 ROOT = Path(__file__).resolve().parents[2]
 NOTEBOOKS = ROOT / "notebooks"
 TEACHING = ROOT / "book" / "teaching"
+
+
+def quarters(number: float) -> str:
+    """Write a number to its quarters, 2.75 as 2¾."""
+    return f"{int(number) or ''}{('', '¼', '½', '¾')[int(number * 4) % 4]}"
+
 
 TEMPLATES = Environment(
     loader=FileSystemLoader(Path(__file__).resolve().parents[1] / "templates"),
@@ -29,8 +37,7 @@ TEMPLATES.filters |= {
     "plain": lambda text: re.sub(r"([\\`*_{}\[\]<>|$~#])", r"\\\1", text),
     # Markdown, so that it fits into a cell of a table.
     "cell": lambda text: text.replace("|", r"\|").replace("\n", " "),
-    # 2.75 as 2¾.
-    "hours": lambda hours: f"{int(hours) or ''}{('', '¼', '½', '¾')[int(hours * 4) % 4]}",
+    "hours": quarters,
     "points": lambda points: "1 point" if points == 1 else f"{points:g} points",
 }
 
@@ -47,8 +54,37 @@ def same(text: str, target: Path) -> bool:
 
 def store(text: str, target: Path) -> None:
     """Store a page, with Unix line ends everywhere, and only where it changed."""
+    target.parent.mkdir(parents=True, exist_ok=True)
     if not target.exists() or target.read_bytes() != text.encode():
         target.write_bytes(text.encode())
+
+
+def keep(made: Mapping[Path, str], *, check: bool) -> int:
+    """Store pages, or only name those that are behind their source; the result is an exit code."""
+    for target, text in made.items():
+        if not check:
+            store(text, target)
+    behind = [target.name for target, text in made.items() if not same(text, target)]
+    if behind:
+        print("Behind their source:", *behind, "- make pages writes them", file=sys.stderr)
+    return 1 if behind else 0
+
+
+def report(what: str, problems: Sequence[str]) -> int:
+    """Say what is not in order, all of it; the result is an exit code."""
+    if problems:
+        print(f"{what} is not in order:", *problems, sep="\n  ", file=sys.stderr)
+    return 1 if problems else 0
+
+
+def on_html(write: Callable[[Any, Path], None]) -> Callable[[Any, Exception | None], None]:
+    """Make a handler of Sphinx that writes into the folder of the site once its pages are there."""
+
+    def written(app: Any, failed: Exception | None) -> None:
+        if failed is None and app.builder.format == "html":
+            write(app, Path(app.outdir))
+
+    return written
 
 
 def installed(package: str, end: str) -> Path:
@@ -74,7 +110,7 @@ def options(
     """Read a command line: a folder or file for each name, and whether only to compare."""
     parser = argparse.ArgumentParser(description=(about or "").partition("\n")[0])
     for name, default in paths.items():
-        parser.add_argument(f"--{name}", type=Path, default=default, metavar="PATH")
+        parser.add_argument(f"--{name}", type=Path, default=default, help="by default %(default)s")
     if check:
         parser.add_argument("--check", action="store_true", help="only compare with what is stored")
     return parser.parse_args(arguments)

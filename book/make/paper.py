@@ -2,9 +2,6 @@
 
 Each page is one HTML file that needs no network and no script: formulas are set as MathML when the
 page is made. Print it from a browser, on paper or into a PDF.
-
-    python book/make/paper.py                      into build/paper
-    python book/make/paper.py --output FOLDER      into another folder
 """
 
 from __future__ import annotations
@@ -99,7 +96,8 @@ def solutions(path: Path, pack: Pack, of: ProblemSet) -> Iterator[list[Markup]]:
             answer = MARKER.sub("", cell.source)
             parts.append(code(answer) if cell.cell_type == "code" else html(answer))
         if kind == "written" and (task := written.get(number.replace("-", "."))):
-            rows = "".join(f"| {points:g} | {text} |\n" for points, text in pack.rubric_of(task))
+            rubric = pack.advice_on(task.id).rubric
+            rows = "".join(f"| {points:g} | {text} |\n" for points, text in rubric)
             parts.append(html(f"| Points | For |\n|--:|---|\n{rows}"))
     yield parts
 
@@ -129,7 +127,6 @@ def write(folder: Path) -> list[Path]:
         answers = solutions(path, pack, each)
         pages[each.name] = (each.title, problems(path), "set")
         pages[f"{each.name}_solutions"] = (f"{each.title}. Solutions", answers, "solutions")
-    folder.mkdir(parents=True, exist_ok=True)
     for name, (title, sections, look) in pages.items():
         text = render("paper.html", title=title, sections=list(sections), look=look)
         store(text, folder / f"{name}.html")

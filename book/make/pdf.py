@@ -1,8 +1,5 @@
 """Write the built book as one PDF, with an outline, page numbers, and links that stay inside.
 
-    python book/make/pdf.py                      build/html into build/nrdob.pdf
-    python book/make/pdf.py --site F --output F  another site, another file
-
 A browser sets it: Debian's Chromium, or any other on the path. Formulas are set once; then it is
 printed twice, the second time with the page numbers in the contents. It takes some minutes.
 """
@@ -11,9 +8,10 @@ from __future__ import annotations
 
 import logging
 import re
+import shutil
 import sys
-import tomllib
 from collections.abc import Iterator
+from importlib.metadata import distribution
 from itertools import chain
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -24,7 +22,6 @@ from markupsafe import Markup
 from pypdf import PdfReader, PdfWriter
 from pypdf.generic import NameObject, TextStringObject
 
-import chromium
 from pages import ROOT, options, render, store
 
 LEFT_OUT = ("api", "search", "genindex", "teaching/")
@@ -39,22 +36,8 @@ ADDRESSES = ("href", "src")
 PAPER = 650
 """Width of the text in pixels, as a browser counts them on paper."""
 
-FITTED = """() => {
-  const width = (piece) => piece.getBoundingClientRect().width;
-  const tooWide = [];
-  for (const piece of document.querySelectorAll("math, table")) {
-    let box = piece.parentElement;
-    while (getComputedStyle(box).display.startsWith("inline")) box = box.parentElement;
-    const number = piece.parentElement.querySelector(":scope > .eqno");
-    const room = box.clientWidth - (number ? width(number) : 0);
-    if (room > 0 && width(piece) > room + 1) tooWide.push([piece, (room - 1) / width(piece)]);
-  }
-  for (const [piece, share] of tooWide) {
-    if (piece.matches("table")) piece.style.zoom = share;
-    else piece.style.fontSize = `${share}em`;
-  }
-}"""
-"""What would be cut at the edge is set smaller; else a browser shrinks the whole book."""
+SETTLED = "() => document.fonts.ready.then(() => true)"
+"""Once the letters are there the page has its final form."""
 
 
 class Chapter(NamedTuple):
@@ -88,12 +71,13 @@ def one(tree: Tag, selector: str) -> Tag:
 def contents(site: Path) -> dict[str, list[str]]:
     """Read off the front page which pages there are, part by part."""
     listed = one(read(site / "index.html"), "nav.bd-links")
-    found = {}
-    for title in listed.select("p.caption"):
-        links = one(title.find_next_sibling("ul"), "li").parent.select("li.toctree-l1 > a")  # type: ignore[arg-type, union-attr]
-        pages = [str(link["href"]).removesuffix(".html") for link in links]
-        if kept := [page for page in pages if not page.startswith(LEFT_OUT)]:
-            found[title.get_text(strip=True)] = kept
+    titles, lists = listed.select("p.caption"), listed.select("p.caption + ul")
+    found = {"": ["index"]}
+    for title, part in zip(titles, lists, strict=True):
+        links = [str(link["href"]) for link in part.select("li.toctree-l1 > a")]
+        pages = [link.removesuffix(".html") for link in links if not link.startswith(LEFT_OUT)]
+        if pages:
+            found[title.get_text(strip=True)] = pages
     return found
 
 
@@ -133,7 +117,7 @@ def chapter(site: Path, page: str, printed: frozenset[str]) -> Chapter:
 
 def parts(site: Path) -> Iterator[Part]:
     """Read the book off its site."""
-    listed = {"": ["index"], **contents(site)}
+    listed = contents(site)
     printed = frozenset(chain.from_iterable(listed.values()))
     for title, pages in listed.items():
         yield Part(title, tuple(chapter(site, page, printed) for page in pages))
@@ -147,17 +131,12 @@ def head(site: Path) -> Markup:
 
 
 def headings(book: list[Part]) -> Iterator[str]:
-    """Give what stands in the outline, in this order; formulas as they are typed."""
+    """Give what stands in the outline, in this order, each on one line."""
     for part in book:
         yield from [part.title] if part.title else []
         for each in part.chapters:
-            yield from map(plain, each.text.select("h1, h2, h3, h4, h5, h6"))
-
-
-def plain(heading: Tag) -> str:
-    """Give the text of a heading on one line."""
-    text = " ".join(heading.get_text(" ", strip=True).split())
-    return re.sub(r"\\\((.*?)\\\)( (?=[.,?!]))?", r"\1", text)
+            for heading in each.text.select("h1, h2, h3, h4, h5, h6"):
+                yield " ".join(heading.get_text(" ", strip=True).split())
 
 
 def numbers(printed: Path) -> dict[str, int]:
@@ -186,16 +165,21 @@ def finish(printed: Path, output: Path, book: list[Part], about: dict[str, Any])
     writer.write(output)
 
 
+def browser_on_path() -> str | None:
+    """Find the browser that sets the PDF and opens the pages in the tests; None without one."""
+    names = ("chromium", "chromium-browser", "google-chrome", "chrome")
+    return next(filter(None, map(shutil.which, names)), None)
+
+
 def build(site: Path, output: Path) -> None:
     """Set the site as a book and print it."""
     from playwright.sync_api import sync_playwright
 
-    browser_path = chromium.find()
+    browser_path = browser_on_path()
     if browser_path is None:
         sys.exit("The PDF is set by a browser. Install Chromium: `chromium` must be on the path.")
-    version = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["project"]["version"]
     book = list(parts(site))
-    title = book[0].chapters[0].title
+    title, version = book[0].chapters[0].title, distribution("nrdob").version
     about = {"title": title, "author": "the nrdob authors", "version": version}
     whole = site / "whole.html"  # beside what it shows
     draft = output.with_suffix(".draft.pdf")
@@ -207,14 +191,10 @@ def build(site: Path, output: Path) -> None:
         tab.emulate_media(media="print")
         tab.set_default_timeout(0)
         tab.goto(whole.as_uri())
-        tab.evaluate(chromium.SETTLED)
-        tab.evaluate(FITTED)
+        tab.evaluate(SETTLED)
+        tab.evaluate("() => fit()")
         tab.pdf(path=draft, prefer_css_page_size=True)
-        tab.evaluate(
-            """(numbers) => document.querySelectorAll("[data-page-of]").forEach(
-                (each) => { each.textContent = numbers[each.dataset.pageOf] ?? ""; })""",
-            numbers(draft),
-        )
+        tab.evaluate("(pages) => number(pages)", numbers(draft))
         tab.pdf(path=draft, prefer_css_page_size=True, outline=True, tagged=True)
         browser.close()
     finish(draft, output, book, about)

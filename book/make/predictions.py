@@ -2,24 +2,20 @@
 
 A question is written once, in the notebook of its week. Its chapter holds a copy in one Markdown
 cell, made here, with the figures attached: each choice can be opened and tells what is wrong with
-it, without a kernel or a script. The book shows the same (``book/ext/predict.py``).
-
-    python book/make/predictions.py              write the cells into the chapters
-    python book/make/predictions.py --check      fail if one is not what its question gives
+it, without a kernel or a script.
 """
 
 from __future__ import annotations
 
 import re
 import sys
-from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import nbformat
 
-from pages import NOTEBOOKS, options, same, store
+from pages import NOTEBOOKS, keep, options
 
 CLASS = "class"
 
@@ -32,11 +28,10 @@ COMMENT = re.compile(r"\s*<!--.*?-->")
 
 
 class Picture(NamedTuple):
-    """A figure as a notebook stores it: PNG in base64, what it says, its width on the page."""
+    """A figure as a notebook stores it: PNG in base64, and what it says."""
 
     png: str
     alt: str
-    width: int
 
 
 @dataclass(frozen=True)
@@ -82,44 +77,41 @@ def _data(cell: Any) -> dict[str, str]:
 
 
 def _read(deck: str, cells: list[Any]) -> Question:
-    reveal, answer = (
-        next(k for k, cell in enumerate(cells) if _data(cell).get("kind") == kind)
-        for kind in ("reveal", "answer")
-    )
-    title, _, asks = _text(cells[0]).partition("\n")
-    headline, _, told = _text(cells[answer]).partition("\n")
+    kinds = [_data(cell).get("kind") for cell in cells]
+    reveal, answer = kinds.index("reveal"), kinds.index("answer")
+    texts = [
+        COMMENT.sub("", cell.source).strip() if cell.cell_type == "markdown" else ""
+        for cell in cells
+    ]
+    title, _, asks = texts[0].partition("\n")
+    headline, _, told = texts[answer].partition("\n")
     letter = ANSWER.fullmatch(headline)
     assert letter, headline
-    last = [
-        _text(cell)
-        for cell in cells[answer:]
-        if cell.metadata["slideshow"]["slide_type"] == "fragment"
-    ]
+    slides = [cell.metadata.get("slideshow", {}).get("slide_type") for cell in cells]
+    further, further_answer = (
+        text for text, slide in zip(texts, slides, strict=True) if slide == "fragment"
+    )
     (picture,) = _pictures(cells[reveal:answer])
     return Question(
         chapter=_data(cells[0])["chapter"],
         deck=deck,
         title=title.partition(" ")[2].partition(" ")[2],
         asks=asks.strip(),
-        choices=dict(CHOICE.findall("\n".join(map(_text, cells[:reveal])))),
+        choices=dict(CHOICE.findall("\n".join(texts[:reveal]))),
         right=letter[1],
         answer=letter[2],
         why=CHOICE.split(told)[0].strip(),
         wrong=dict(CHOICE.findall(told)),
-        further=last[0].removeprefix("*And then:* "),
-        further_answer=last[1],
+        further=further.removeprefix("*And then:* "),
+        further_answer=further_answer,
         asked_with=next(iter(_pictures(cells[:reveal])), None),
         answered_with=picture,
     )
 
 
-def _text(cell: Any) -> str:
-    return COMMENT.sub("", cell.source).strip() if cell.cell_type == "markdown" else ""
-
-
 def _pictures(cells: list[Any]) -> list[Picture]:
     return [
-        Picture(output["data"]["image/png"], about["alt"], about["width"])
+        Picture(output["data"]["image/png"], about["alt"])
         for cell in cells
         for output in cell.get("outputs", [])
         if (about := output.get("metadata", {}).get("image/png"))
@@ -138,22 +130,8 @@ def in_html(markdown: str) -> str:
     return "".join(parts)
 
 
-def attached(question: Question, which: str) -> str:
-    """Show a picture that is attached to the cell, if the question has it."""
-    picture = getattr(question, which)
-    return f"![{picture.alt}](attachment:{which}.png)" if picture else ""
-
-
-def markdown(
-    question: Question,
-    summary: Callable[[str], str] = in_html,
-    picture: Callable[[Question, str], str] = attached,
-) -> str:
-    """Write a question: its choices can be opened, each one tells what it comes from.
-
-    `summary` writes the line that is clicked, `picture` the figures ``asked_with`` and
-    ``answered_with``.
-    """
+def markdown(question: Question) -> str:
+    """Write a question: its choices can be opened, each one tells what it comes from."""
     end = "" if question.title.endswith("?") else "."
     blocks = [
         '<div class="prediction">',
@@ -163,20 +141,25 @@ def markdown(
         "*Choose, then open your choice.*",
     ]
     for letter, choice in question.choices.items():
-        blocks.append(f"<details><summary>{summary(f'**{letter}** {choice}')}</summary>")
         if letter == question.right:
-            blocks += [
-                f"**Yes:** {question.answer}.",
-                question.why,
-                picture(question, "answered_with"),
-                f"<details><summary>{summary(f'*And then:* {question.further}')}</summary>",
-                question.further_answer,
-                "</details>",
-            ]
+            further = folded(f"*And then:* {question.further}", question.further_answer)
+            shown = picture(question, "answered_with")
+            told = [f"**Yes:** {question.answer}.", question.why, shown, *further]
         else:
-            blocks.append(f"**No.** {letter} {question.wrong[letter]}")
-        blocks.append("</details>")
+            told = [f"**No.** {letter} {question.wrong[letter]}"]
+        blocks += folded(f"**{letter}** {choice}", *told)
     return "\n\n".join(block for block in [*blocks, "</div>"] if block)
+
+
+def folded(line: str, *behind: str) -> list[str]:
+    """Fold what stands behind a line."""
+    return [f"<details><summary>{in_html(line)}</summary>", *behind, "</details>"]
+
+
+def picture(question: Question, which: str) -> str:
+    """Show a picture that is attached to the cell, if the question has it."""
+    found = getattr(question, which)
+    return f"![{found.alt}](attachment:{which}.png)" if found else ""
 
 
 def put_into(notebook: Any, question: Question) -> None:
@@ -194,21 +177,14 @@ def put_into(notebook: Any, question: Question) -> None:
 
 
 def main(arguments: list[str] | None = None) -> int:
-    check = options(__doc__, arguments, check=True).check
-    behind = []
+    given = options(__doc__, arguments, check=True)
+    made = {}
     for chapter, question in read_questions().items():
         path = NOTEBOOKS / f"{chapter}.ipynb"
         notebook = nbformat.read(path, as_version=4)
         put_into(notebook, question)
-        text = nbformat.writes(notebook).rstrip("\n") + "\n"
-        if not check:
-            store(text, path)
-        elif not same(text, path):
-            behind.append(path.name)
-    if behind:
-        print("The question for class is not in, or another one:", *behind, file=sys.stderr)
-        print("python book/make/predictions.py brings them in", file=sys.stderr)
-    return 1 if behind else 0
+        made[path] = nbformat.writes(notebook).rstrip("\n") + "\n"
+    return keep(made, check=given.check)
 
 
 if __name__ == "__main__":

@@ -4,9 +4,6 @@ One deck for each week, and one with all questions in the order of the course of
 
 `jupyter nbconvert --to slides` with a template of our own. Code cells are not shown; what they
 made is. reveal.js and MathJax come out of installed packages and are laid beside the slides.
-
-    python book/make/slides.py                      into build/slides
-    python book/make/slides.py --output FOLDER      into another folder
 """
 
 from __future__ import annotations
@@ -22,7 +19,7 @@ import nbformat
 from nbconvert.exporters import SlidesExporter
 from traitlets.config import Config
 
-from pages import NOTEBOOKS, ROOT, TEACHING, installed, options
+from pages import NOTEBOOKS, ROOT, TEACHING, installed, options, store
 from predictions import split
 
 FOLDER = NOTEBOOKS / "class"
@@ -54,16 +51,12 @@ CONFIG = Config(
 )
 
 
-class SlidesError(Exception):
-    """A notebook of which no slides can be made."""
-
-
 def read(path: Path) -> Any:
-    """Read a notebook that has been executed."""
+    """Read a notebook, and stop at one that has not been executed."""
     notebook = nbformat.read(path, as_version=4)
     code = [cell for cell in notebook.cells if cell.cell_type == "code" and cell.source.strip()]
     if any(cell.execution_count is None for cell in code):
-        raise SlidesError(f"{path.name} has not been run: make execute")
+        sys.exit(f"{path.name} has not been run: make execute")
     return notebook
 
 
@@ -88,26 +81,17 @@ def slides(notebook: Any) -> str:
     return str(page)
 
 
-def copy_beside(folder: Path) -> None:
-    """Copy what the pages load into the folder in which they are."""
-    for file in (TEMPLATE / "slides.css", *(installed(*place) for place in BESIDE)):
-        shutil.copyfile(file, folder / file.name)
-
-
 def main(arguments: list[str] | None = None) -> int:
     folder: Path = options(__doc__, arguments, output=ROOT / "build" / "slides").output
+    notebooks = {path.stem: read(path) for path in sorted(FOLDER.glob("*.ipynb"))}
     folder.mkdir(parents=True, exist_ok=True)
     for old in folder.glob("*.html"):
         old.unlink()
-    copy_beside(folder)
-    try:
-        notebooks = {path.stem: read(path) for path in sorted(FOLDER.glob("*.ipynb"))}
-    except SlidesError as error:
-        print(error, file=sys.stderr)
-        return 1
+    for file in (TEMPLATE / "slides.css", *(installed(*place) for place in BESIDE)):
+        shutil.copyfile(file, folder / file.name)
     for name, notebook in (notebooks | {"two_days": two_days(notebooks.values())}).items():
         target = folder / f"{name}.html"
-        target.write_text(slides(notebook), encoding="utf-8")
+        store(slides(notebook), target)
         print(target)
     return 0
 

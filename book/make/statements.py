@@ -30,9 +30,8 @@ from pathlib import Path
 
 from pages import prose_of
 
-HEAD = re.compile(r"\*\*Theorem (\d+|[A-D])\.(\d+) \((.+?)\)\.\*\*\s*")
+HEAD = re.compile(r"\*\*Theorem ((?:\d+|[A-D])\.\d+) \((.+?)\)\.\*\*\s*")
 NUMBERED = re.compile(r"\*\*Theorem\b")
-CONDITION = re.compile(r"(\d+)\.\s+(.*)", re.DOTALL)
 # A mention, such as "the loop of *Without 2*", has no colon and begins no part.
 PART = re.compile(r"\*(Then|(?:Without|Proof|Known)(?=[^*]*:\*))\b([^*]*?)[:.]?\*[:.,]?\s*")
 SENTENCE = re.compile(r"[.:;?!∎]\W*\Z|\$\Z|\|\Z")
@@ -45,24 +44,18 @@ NOT_PROSE = re.compile(r"```.*?```|`[^`]*`|\$\$.*?\$\$|\$[^$]*\$", re.DOTALL)
 
 @dataclass(frozen=True)
 class Theorem:
-    """A theorem as its chapter writes it; every text is Markdown."""
+    """A theorem as its chapter writes it, with its number, as 17.1; every text is Markdown."""
 
     page: str
-    chapter: str
-    count: int
+    number: str
     name: str
     setting: str
     conditions: Mapping[int, str]
-    without: Mapping[int, str]
     listed: tuple[int, ...]
+    without: Mapping[int, str]
     then: str = ""
     proof: str = ""
     known: str = ""
-
-    @property
-    def number(self) -> str:
-        """The number by which the book refers to it, as 17.1."""
-        return f"{self.chapter}.{self.count}"
 
     @property
     def anchor(self) -> str:
@@ -70,11 +63,10 @@ class Theorem:
         return anchor(self.number)
 
     @property
-    def parts(self) -> list[tuple[str, str]]:
-        """What follows the conditions, each part with its label."""
-        without = [(f"Without {k}:", text) for k, text in self.without.items()]
-        ends = [("Proof:", self.proof), ("Known:", self.known)]
-        return [("Then", self.then), *without, *ends]
+    def parts(self) -> dict[str, str]:
+        """What follows the conditions, by label."""
+        without = {f"Without {k}": text for k, text in self.without.items()}
+        return {"Then": self.then, **without, "Proof": self.proof, "Known": self.known}
 
     def __str__(self) -> str:
         """Name it and its place, as a complaint about it begins."""
@@ -89,47 +81,37 @@ def anchor(number: str) -> str:
 # --- reading ------------------------------------------------------------------------------------
 
 
-def quotations(text: str) -> Iterator[str]:
-    """Give the quotations of a Markdown text, without their marks."""
-    for block in re.findall(r"(?:^ {0,3}>.*(?:\n|\Z))+", text, re.MULTILINE):
-        yield re.sub(r"^ {0,3}> ?", "", block, flags=re.MULTILINE).strip()
+def quotations(cells: Iterable[str]) -> Iterator[str]:
+    """Give the quotations in Markdown texts, without their marks."""
+    for text in cells:
+        for block in re.findall(r"(?:^ {0,3}>.*(?:\n|\Z))+", text, re.MULTILINE):
+            yield re.sub(r"^ {0,3}> ?", "", block, flags=re.MULTILINE).strip()
 
 
 def read(page: str, cells: Iterable[str]) -> list[Theorem]:
     """Read the theorems of a chapter in their order; what is no theorem is passed over."""
     return [
         parse(page, head, text[head.end() :])
-        for cell in cells
-        for text in quotations(cell)
+        for text in quotations(cells)
         if (head := HEAD.match(text))
     ]
 
 
 def parse(page: str, head: re.Match[str], body: str) -> Theorem:
     """Read one theorem: its conditions before *Then*, and the parts that follow."""
-    marks = list(PART.finditer(body))
-    before = body[: marks[0].start()] if marks else body
-    setting, *texts = re.split(r"^(?=\d+\.\s)", before, flags=re.MULTILINE)
-    items = [found for text in texts if (found := CONDITION.match(text.strip()))]
+    before, *marked = PART.split(body)
+    setting, *items = re.split(r"^(\d+)\.\s+", before, flags=re.MULTILINE)
+    listed = tuple(map(int, items[::2]))
     parts: dict[str, str] = {}
     without: dict[int, str] = {}
-    for mark, end in zip(marks, [*(m.start() for m in marks[1:]), len(body)], strict=True):
-        kind, said = mark[1], body[mark.end() : end].strip()
+    for kind, which, said in zip(marked[::3], marked[1::3], marked[2::3], strict=True):
         if kind == "Without":
-            without |= dict.fromkeys(map(int, re.findall(r"\d+", mark[2])), said)
+            without |= dict.fromkeys(map(int, re.findall(r"\d+", which)), said.strip())
         else:
-            parts.setdefault(kind.lower(), said)
-    return Theorem(
-        page=page,
-        chapter=head[1],
-        count=int(head[2]),
-        name=head[3],
-        setting=setting.strip() if setting.strip() != "*Let*" else "",
-        conditions={int(item[1]): item[2].strip() for item in items},
-        without=without,
-        listed=tuple(int(item[1]) for item in items),
-        **parts,
-    )
+            parts.setdefault(kind.lower(), said.strip())
+    setting = "" if setting.strip() == "*Let*" else setting.strip()
+    conditions = dict(zip(listed, map(str.strip, items[1::2]), strict=True))
+    return Theorem(page, head[1], head[2], setting, conditions, listed, without, **parts)
 
 
 def mentions(text: str) -> list[str]:
@@ -155,23 +137,22 @@ def theorems_of(folder: Path) -> dict[str, list[Theorem]]:
 def faults(page: str, cells: Iterable[str]) -> list[str]:
     """Name what is amiss with the theorems of a chapter, each with its place."""
     cells = list(cells)
-    found = [
-        f"{page}: a theorem begins with {text.splitlines()[0]!r}; it must begin with "
-        "'**Theorem 17.1 (Name).**'"
-        for cell in cells
-        for text in quotations(cell)
-        if NUMBERED.match(text) and not HEAD.match(text)
-    ]
     theorems = read(page, cells)
-    for theorem in theorems:
-        found += [f"{theorem} {fault}" for fault in faults_of(theorem)]
-    return found + faults_of_order(theorems)
+    return [
+        *(
+            f"{page}: a theorem begins with {text.splitlines()[0]!r}; it must begin with "
+            "'**Theorem 17.1 (Name).**'"
+            for text in quotations(cells)
+            if NUMBERED.match(text) and not HEAD.match(text)
+        ),
+        *(f"{theorem} {fault}" for theorem in theorems for fault in faults_of(theorem)),
+        *faults_of_order(theorems),
+    ]
 
 
 def faults_of(theorem: Theorem) -> Iterator[str]:
     """Say what one theorem lacks."""
-    own = theorem.page.partition("_")[0].lstrip("0")
-    if own != theorem.chapter:
+    if theorem.page.partition("_")[0].lstrip("0") != theorem.number.partition(".")[0]:
         yield f"stands in {theorem.page}, and has the number of another chapter"
     if not theorem.listed:
         yield "has no numbered conditions"
@@ -181,32 +162,24 @@ def faults_of(theorem: Theorem) -> Iterator[str]:
         yield f"does not say what happens without condition {k}: '*Without {k}:*'"
     for k in sorted(theorem.without.keys() - theorem.conditions.keys()):
         yield f"says what happens without condition {k}, which it does not have"
-    for label, text in (("Then", theorem.then), ("Proof:", theorem.proof)):
+    for label, text in theorem.parts.items():
+        mark = "'*Then*'" if label == "Then" else f"'*{label}:*'"
         if not text:
-            yield f"has no '*{label}*'"
-    if not theorem.known:
-        yield "does not say who knew it: '*Known:*'"
-    for label, text in theorem.parts:
-        if text and not SENTENCE.search(text):
-            yield f"has a '*{label}*' that ends within a sentence: {text[-40:]!r}"
+            yield f"does not say who knew it: {mark}" if label == "Known" else f"has no {mark}"
+        elif not SENTENCE.search(text):
+            yield f"has a {mark} that ends within a sentence: {text[-40:]!r}"
 
 
-def faults_of_order(theorems: list[Theorem]) -> list[str]:
-    """Say which numbers of a chapter come twice, and which are left out."""
-    counts = [theorem.count for theorem in theorems]
-    twice = [
-        f"{theorem} has a number that an earlier theorem has"
-        for place, theorem in enumerate(theorems)
-        if theorem.count in counts[:place]
-    ]
-    return (
-        twice
-        or [
-            f"{theorem} comes where {expected} is expected: a number is left out, or out of order"
-            for expected, theorem in enumerate(theorems, 1)
-            if theorem.count != expected
-        ][:1]
-    )
+def faults_of_order(theorems: list[Theorem]) -> Iterator[str]:
+    """Say which numbers of a chapter come twice, else where the first is left out."""
+    counts = [int(theorem.number.partition(".")[2]) for theorem in theorems]
+    for place, theorem in enumerate(theorems):
+        if counts[place] in counts[:place]:
+            yield f"{theorem} has a number that an earlier theorem has"
+    odd = [place for place, count in enumerate(counts, 1) if count != place]
+    if odd and len(set(counts)) == len(counts):
+        said = f"comes where {odd[0]} is expected: a number is left out, or out of order"
+        yield f"{theorems[odd[0] - 1]} {said}"
 
 
 def lost_mentions(page: str, cells: Iterable[str], there: set[str]) -> list[str]:

@@ -6,10 +6,6 @@ What a program knows comes from it: the problems, their points and typical mista
 chapters promise. What only a teacher knows stands in ``book/nrdob_course/problems.toml``: what to
 ask a student, what earns points where somebody reads the answer. The exit code is 1, and every
 reason is listed, if the two do not fit together; the pages are written in any case.
-
-    python book/make/teaching.py                     write the pages into book/teaching
-    python book/make/teaching.py --output FOLDER     write them there
-    python book/make/teaching.py --check             fail if a stored page is behind its source
 """
 
 from __future__ import annotations
@@ -26,8 +22,8 @@ import nbformat
 
 import nrdob_course
 from nrdob_course.exercises import PROBLEMS, Problem
-from openings import PARTS, Chapter, read_chapter
-from pages import NOTEBOOKS, TEACHING, options, render, same, store
+from openings import PARTS, Chapter, read_chapters
+from pages import NOTEBOOKS, TEACHING, keep, options, render, report
 
 COURSE = Path(nrdob_course.__file__).parent
 SOURCE, ADVICE = COURSE / "sets" / "source", COURSE / "problems.toml"
@@ -94,9 +90,9 @@ class Advice:
     that a solution takes.
     """
 
-    ask: str
-    steps: int
-    trains: Sequence[tuple[str, str]]
+    ask: str = ""
+    steps: int = 0
+    trains: Sequence[tuple[str, str]] = ()
     rubric: Sequence[tuple[float, str]] = ()
     wrong: Sequence[tuple[str, str]] = ()
 
@@ -112,36 +108,21 @@ def read_set(path: Path) -> ProblemSet:
         kind = cell.metadata.get("nbgrader", {})
         if kind.get("grade") and (name := GRADED.fullmatch(kind["grade_id"])):
             number = f"{name[2]}.{name[3]}"
-            of_task = [each for each in cells if _number(each) == number + name[4]]
+            own = re.compile(rf"[a-z]+-{name[2]}-{name[3]}{name[4]}")
+            of_task = [each for each in cells if own.fullmatch(each.id)]
             read = " ".join(each.source for each in of_task if each.id.startswith("task-"))
-            task = Task(
-                number + name[4],
-                headings.get(number, ""),
-                kind["points"],
-                name[1] == "written",
-                len(read.split()) / RULE.words_read,
-                _writing(of_task),
-            )
-            tasks.append(task)
+            minutes = len(read.split()) / RULE.words_read, sum(map(_writing, of_task))
+            task = number + name[4], headings.get(number, ""), kind["points"], name[1] == "written"
+            tasks.append(Task(*task, *minutes))
     return ProblemSet(path.stem, title[1] if title else path.stem, tuple(tasks))
 
 
-def _number(cell: Any) -> str:
-    """Give the problem that a cell belongs to, "2.4" for answer-2-4."""
-    found = re.fullmatch(r"[a-z]+-(\d+)-(\d+[a-z]?)", cell.id)
-    return f"{found[1]}.{found[2]}" if found else ""
-
-
-def _writing(cells: Sequence[Any]) -> float:
-    """Give the minutes that it takes to write the solution down, once it is known."""
-    minutes = 0.0
-    for cell in cells:
-        for solution in SOLUTION.findall(cell.source):
-            if cell.cell_type == "markdown":
-                minutes += len(solution.split()) / RULE.words_written
-            else:
-                minutes += len(re.findall(r"^\s*[^\s#]", solution, re.MULTILINE))
-    return minutes
+def _writing(cell: Any) -> float:
+    """Give the minutes that it takes to write a solution down, once it is known."""
+    solution = "\n".join(SOLUTION.findall(cell.source))
+    if cell.cell_type == "markdown":
+        return len(solution.split()) / RULE.words_written
+    return len(re.findall(r"^\s*[^\s#]", solution, re.MULTILINE))
 
 
 def read_advice() -> dict[str, Advice]:
@@ -165,16 +146,22 @@ class Pack:
     def tasks(self) -> Iterator[Task]:
         return (task for each in self.sets for task in each.tasks)
 
+    def advice_on(self, id: str) -> Advice:
+        """Give what a teacher knows about a problem, which may be nothing."""
+        return self.advice.get(id, Advice())
+
     def objectives_of(self, id: str) -> list[tuple[str, str]]:
         """Give chapter and objective for all that a problem trains, as far as they exist."""
-        advice = self.advice.get(id)
         return [
             (stem, objective)
-            for stem, begins in (advice.trains if advice else ())
-            if stem in self.chapters
-            for objective in self.chapters[stem].objectives
-            if objective.startswith(begins)
+            for stem, begins in self.advice_on(id).trains
+            for objective in self.promised(stem, begins)
         ]
+
+    def promised(self, stem: str, begins: str) -> list[str]:
+        """Give the objectives of a chapter that begin like this."""
+        chapter = self.chapters.get(stem)
+        return [each for each in chapter.objectives if each.startswith(begins)] if chapter else []
 
     def misfits(self) -> list[str]:
         """Tell where problems, chapters and advice do not fit together."""
@@ -184,14 +171,14 @@ class Pack:
         told += [
             f"{id}: in {ADVICE.name}, and no such problem" for id in self.advice if id not in tasks
         ]
-        for id, advice in self.advice.items():
-            for stem, begins in advice.trains:
-                chapter = self.chapters.get(stem)
-                found = [o for o in chapter.objectives if o.startswith(begins)] if chapter else []
-                if len(found) != 1:
-                    told.append(f"{id}: {stem} has {len(found)} objectives that begin {begins!r}")
+        told += [
+            f"{id}: {stem} has {count} objectives that begin {begins!r}"
+            for id, advice in self.advice.items()
+            for stem, begins in advice.trains
+            if (count := len(self.promised(stem, begins))) != 1
+        ]
         for id, task in tasks.items():
-            given = sum(points for points, _ in self.rubric_of(task))
+            given = sum(points for points, _ in self.advice_on(id).rubric)
             if task.written and given != task.points:
                 told.append(f"{id}: the rubric does not give the {task.points:g} points of the set")
         return told
@@ -224,10 +211,9 @@ class Pack:
 
     def minutes_of(self, task: Task) -> tuple[float, float]:
         """Give the minutes that a problem takes a quick student, and a slow one."""
-        steps = self.advice[task.id].steps if task.id in self.advice else 0
-        fixed = task.reading + task.writing
+        steps = self.advice_on(task.id).steps
         quick, slow = (
-            fixed + steps * step + (0 if task.written else check)
+            task.reading + task.writing + steps * step + (0 if task.written else check)
             for step, check in zip(RULE.step, RULE.check, strict=True)
         )
         return quick, slow
@@ -237,14 +223,10 @@ class Pack:
         quick, slow = map(sum, zip(*map(self.minutes_of, tasks), strict=True))
         return round(quick / 15) / 4, round(slow / 15) / 4
 
-    def rubric_of(self, task: Task) -> Sequence[tuple[float, str]]:
-        """Give what earns points in a written answer."""
-        return self.advice[task.id].rubric if task.id in self.advice else ()
-
 
 def read_pack() -> Pack:
     """Read everything where it is, in its order."""
-    chapters = {path.stem: read_chapter(path) for path in sorted(NOTEBOOKS.glob("*.ipynb"))}
+    chapters = {chapter.stem: chapter for chapter in read_chapters(NOTEBOOKS)}
     sets = [read_set(path) for path in sorted(SOURCE.glob("set*/set*.ipynb"))]
     return Pack(chapters, sets, read_advice(), PROBLEMS)
 
@@ -255,24 +237,16 @@ def read_pack() -> Pack:
 def main(arguments: list[str] | None = None) -> int:
     given = options(__doc__, arguments, check=True, output=TEACHING)
     pack = read_pack()
-    made = {name: render(name, pack=pack, rule=RULE) for name in PAGES}
+    made = {given.output / name: render(name, pack=pack, rule=RULE) for name in PAGES}
+    behind = keep(made, check=given.check)
     if given.check:
-        behind = [name for name in PAGES if not same(made[name], given.output / name)]
-        if behind:
-            print("Behind their source:", *behind, "- make pages writes them", file=sys.stderr)
-        return 1 if behind else 0
-    given.output.mkdir(parents=True, exist_ok=True)
-    for name, text in made.items():
-        store(text, given.output / name)
+        return behind
     mistakes = sum(len(problem.misconceptions) for problem in pack.problems.values())
     print(
         f"The instructor's pack: {len(pack.sets)} sets, {sum(1 for _ in pack.tasks)} problems, "
         f"{mistakes} mistakes with what to say"
     )
-    if misfits := pack.misfits():
-        print("The instructor's pack is not in order:", *misfits, sep="\n  ", file=sys.stderr)
-        return 1
-    return 0
+    return report("The instructor's pack", pack.misfits())
 
 
 if __name__ == "__main__":

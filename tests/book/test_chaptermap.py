@@ -7,7 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from chaptermap import PARTS, read_opening, read_openings, told
+from chaptermap import told
+from openings import PARTS, read_chapter, read_chapters
 
 ROOT = Path(__file__).resolve().parents[2]
 
@@ -26,7 +27,7 @@ def written(folder: Path, text: str) -> Path:
 
 
 def test_an_opening_is_read_once_for_each_chapter_it_needs(tmp_path: Path):
-    found = read_opening(written(tmp_path, OPENING))
+    found = read_chapter(written(tmp_path, OPENING))
     assert (found.number, found.title, found.minutes) == ("19", "A title: and more", 45)
     assert found.needs == ("11", "03")
 
@@ -35,11 +36,11 @@ def test_an_opening_is_read_once_for_each_chapter_it_needs(tmp_path: Path):
 def test_an_opening_that_lacks_a_part_is_named(tmp_path: Path, lacking: str):
     path = written(tmp_path, OPENING.replace(lacking, ""))
     with pytest.raises(ValueError, match=r"19_something\.ipynb must open with"):
-        read_opening(path)
+        read_chapter(path)
 
 
 def test_each_chapter_stands_in_a_part_and_needs_what_there_is():
-    openings = read_openings(ROOT / "notebooks")
+    openings = {each.number: each for each in read_chapters(ROOT / "notebooks")}
     in_parts = [number for numbers in PARTS.values() for number in numbers]
     assert len(set(in_parts)) == len(in_parts) and set(openings) <= set(in_parts)
     assert all(set(opening.needs) <= set(openings) for opening in openings.values())

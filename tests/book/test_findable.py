@@ -7,8 +7,7 @@ from pathlib import Path
 import nbformat
 import pytest
 
-from concordance import words
-from findable import cut, plain
+from findable import cut, plain, words
 from nrdob_course.claims import LEDGER
 from papermap import EQUATIONS, claims_of, equations_in, table
 

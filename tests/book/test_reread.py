@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-import complete
+import chapters
 
 
 def test_a_change_of_an_extension_is_a_new_version(
@@ -15,9 +15,9 @@ def test_a_change_of_an_extension_is_a_new_version(
     for file in ("explorables.toml", "ext/one.py", "make/two.py", "ext/notes.txt"):
         (tmp_path / file).parent.mkdir(exist_ok=True)
         (tmp_path / file).write_text("1", encoding="utf-8")
-    monkeypatch.setattr(complete, "BOOK", tmp_path)
-    before = complete.version()
+    monkeypatch.setattr(chapters, "BOOK", tmp_path)
+    before = chapters.version()
     (tmp_path / "ext/notes.txt").write_text("2", encoding="utf-8")
-    assert complete.version() == before
+    assert chapters.version() == before
     (tmp_path / "make/two.py").write_text("2", encoding="utf-8")
-    assert complete.version() != before
+    assert chapters.version() != before

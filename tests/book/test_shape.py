@@ -9,7 +9,7 @@ from typing import Any
 import nbformat
 import pytest
 
-import complete
+import chapters
 from shape import faults, faults_of_book
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -126,11 +126,11 @@ def test_the_build_warns_of_it_and_so_fails(
     nbformat.write(notebook, tmp_path / "chapters" / "17_lemma_1.ipynb")
     said: list[tuple[str, str]] = []
     monkeypatch.setattr(
-        complete,
+        chapters,
         "logger",
         SimpleNamespace(warning=lambda text, location: said.append((location, text))),
     )
-    complete.check(SimpleNamespace(srcdir=tmp_path))
+    chapters.check(SimpleNamespace(srcdir=tmp_path))
     assert said == [
         ("chapters/17_lemma_1", "does not open with its title, '# …'"),
         ("chapters/17_lemma_1", "has no figure"),

@@ -34,9 +34,9 @@ from fontTools.ttLib import TTFont
 from PIL import Image
 
 import apipages
-import chromium
 import fonts
 import ledger
+import pdf
 import teaching
 from browser import (
     CHROMIUM,
@@ -119,7 +119,7 @@ def site(source: Path, ledger_run: Run, teaching_run: Run) -> Path:
     folder = source.parent
     command = [sys.executable, "-m", "sphinx", "-W", "--keep-going", "-n", "-q", "-b", "html"]
     command += ["-D", f"nrdob_notebooks={ROOT / 'notebooks'}", "-d", str(folder / "doctrees")]
-    command += ["-D", f"nrdob_class={ROOT / 'notebooks' / 'class'}", "-D", f"nrdob_project={ROOT}"]
+    command += ["-D", f"nrdob_project={ROOT}"]
     done = subprocess.run(
         [*command, str(source), str(folder / "html")],
         capture_output=True,
@@ -687,7 +687,7 @@ def moved(site: Path, tab: Any) -> Iterator[str]:
     for page in sorted(MOVED):
         tab.goto((site / f"{page}.html").as_uri())
         tab.wait_for_function("() => window.nrdob?.explorables")
-        tab.evaluate(chromium.SETTLED)
+        tab.evaluate(pdf.SETTLED)
         yield page
 
 
@@ -814,7 +814,7 @@ def test_a_table_that_goes_on_has_a_shadow_there(
 ) -> None:
     tab = opened.new_page(viewport={"width": 360, "height": 740}, color_scheme=colours)
     tab.goto((site / f"{page}.html").as_uri())
-    tab.evaluate(chromium.SETTLED)
+    tab.evaluate(pdf.SETTLED)
     boxes = tab.locator(".bd-content :is(.pst-scrollable-table-container, .output.text_html)")
     wide = "e => e.scrollWidth > e.clientWidth + 20 && e.checkVisibility()"
     box = next(each for each in boxes.all() if each.evaluate(wide))

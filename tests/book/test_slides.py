@@ -212,12 +212,12 @@ def test_the_deck_of_two_days_has_every_question_in_the_order_of_the_plan(folder
 
 
 def test_a_notebook_that_has_not_been_run_is_refused(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     notebook = nbformat.v4.new_notebook(
         cells=[nbformat.v4.new_markdown_cell("# Title"), nbformat.v4.new_code_cell("1 + 1")]
     )
     nbformat.write(notebook, tmp_path / "new.ipynb")
     monkeypatch.setattr(slides, "FOLDER", tmp_path)
-    assert slides.main(["--output", str(tmp_path / "out")]) == 1
-    assert "new.ipynb has not been run: make execute" in capsys.readouterr().err
+    with pytest.raises(SystemExit, match=r"new\.ipynb has not been run: make execute"):
+        slides.main(["--output", str(tmp_path / "out")])

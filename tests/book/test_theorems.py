@@ -146,7 +146,7 @@ def test_a_mention_of_nothing_is_named() -> None:
 CONF = """
 import sys
 sys.path[:0] = [{ext!r}, {make!r}]
-extensions = ["myst_nb", "theorems"]
+extensions = ["myst_nb", "mentions"]
 myst_enable_extensions = ["colon_fence", "deflist", "dollarmath"]
 nb_execution_mode = "off"
 suppress_warnings = ["myst.mathjax"]

@@ -10,7 +10,7 @@ from docutils import nodes
 from docutils.utils import new_document
 
 import pdf
-from typeset import LONG, SPACE, mark_long, tie_punctuation, tie_words
+from typeset import LONG, SPACE, mark_code, tie_punctuation, tie_words
 
 
 @pytest.mark.parametrize(
@@ -31,7 +31,7 @@ def test_no_line_ends_between_a_number_and_its_unit_or_name(text: str, together:
     document += nodes.paragraph("", text, nodes.literal("", text))
     paragraph = document.children[0]
     paragraph.insert(0, nodes.Text(text))
-    tie_words(None, document, "")  # type: ignore[arg-type]
+    tie_words(document)
     assert paragraph.children[0] == together.replace("~", SPACE)
     assert paragraph.children[-1].astext() == text, "code is not touched"
 
@@ -51,7 +51,7 @@ def test_a_formula_keeps_its_marks_its_unit_and_the_end_of_the_proof(
 ) -> None:
     document = new_document("page")
     document += nodes.paragraph("", "", nodes.math("", formula), nodes.Text(behind))
-    tie_punctuation(None, document, "")  # type: ignore[arg-type]
+    tie_punctuation(document)
     piece, text = document.children[0].children
     assert text == rest
     if tied is None:
@@ -75,5 +75,5 @@ def test_only_long_code_is_broken_between_sheets_of_paper() -> None:
     for lines, kind in ((LONG, []), (LONG + 1, []), (LONG + 1, ["output"])):
         code = "\n".join(["x"] * lines)
         document += nodes.literal_block(code, code, classes=list(kind))
-    mark_long(None, document, "")  # type: ignore[arg-type]
+    mark_code(document)
     assert ["long" in code["classes"] for code in document.children] == [False, True, False]

@@ -1,17 +1,17 @@
-"""Theorems on the pages: a box each, links wherever one is mentioned, and the index of all.
+"""What a page mentions and another one holds: claims of the ledger, and theorems with their index.
 
-What a theorem is, and what is amiss with one, stands in `statements`; the build fails on it.
+Inline code ``claim:ID`` leads to the entry of ID in the ledger. For the way back the first mention
+of a claim in a chapter gets the label ``shown-<chapter>-<ID>``, to which its entry links.
 
-    ```{theorem-index}
-    ```
-
-stands for the index, which is made from the chapters each time it is read.
+A theorem becomes a box, and each mention of it a link. What a theorem is, and what is amiss with
+one, stands in `statements`; the build fails on it. ``{theorem-index}`` stands for the index of all
+theorems, which is made from the chapters each time it is read.
 """
 
 from __future__ import annotations
 
 import re
-from pathlib import Path
+from collections.abc import Iterator
 from typing import Any
 
 from docutils import nodes
@@ -19,32 +19,83 @@ from sphinx import addnodes
 from sphinx.application import Sphinx
 from sphinx.environment import BuildEnvironment
 from sphinx.transforms import SphinxTransform
-from sphinx.util import logging
 from sphinx.util.docutils import SphinxDirective
 from sphinx.util.nodes import make_refnode
 
-from complete import CHAPTERS, warn
-from findable import plain
+from chapters import CHAPTERS, folder_of, logger, warn
+from findable import read_aloud
 from statements import MENTION, NUMBER, Theorem, anchor, faults_of_book, theorems_of, title_of
 
+CLAIM = re.compile(r"claim:(\S+)")
 TITLE = re.compile(rf"Theorem ({NUMBER.pattern}) \((.+)\)\.", re.DOTALL)
 NO_MENTION = (nodes.literal, nodes.literal_block, nodes.math, nodes.math_block, nodes.raw,
               nodes.reference, nodes.title, nodes.comment, addnodes.pending_xref)  # fmt: skip
 
-logger = logging.getLogger(__name__)
+
+def link(kind: str, name: str, shown: nodes.Node, page: str, beside: nodes.Node) -> nodes.Element:
+    """Make a link to a claim or a theorem, which stands where this node does."""
+    found = addnodes.pending_xref("", shown, reftype=kind, reftarget=name, refdoc=page)
+    found.source, found.line = beside.source, beside.line
+    return found
 
 
-def folder(env: BuildEnvironment) -> Path:
-    """Where the chapters lie while the book is built."""
-    return Path(env.srcdir) / CHAPTERS
+def resolve(
+    app: Sphinx, env: BuildEnvironment, node: addnodes.pending_xref, shown: nodes.TextElement
+) -> nodes.Element | None:
+    """Lead a mention to the claim or the theorem, or say that there is none."""
+    name, at = node["reftarget"], (app.builder, node["refdoc"])
+    if node["reftype"] == "claim":
+        if place := env.domains.standard_domain.anonlabels.get(f"claim-{name}".lower()):
+            return make_refnode(*at, *place, shown, "in the ledger of claims")
+        logger.warning("there is no claim %r in the ledger", name, location=node)
+    elif node["reftype"] == "theorem":
+        theorem: Theorem | None = env.nrdob_theorems.get(name)  # type: ignore[attr-defined]
+        if theorem:
+            page, title = f"{CHAPTERS}/{theorem.page}", re.sub(r"[$\\]", "", theorem.name)
+            return make_refnode(*at, page, theorem.anchor, shown, title)
+        if not node["refdoc"].startswith(f"{CHAPTERS}/"):  # of chapters it is said already
+            logger.warning("there is no Theorem %s", name, location=node)
+    else:
+        return None
+    return shown
+
+
+# --- claims ---------------------------------------------------------------------------------------
+
+
+def claim_link(id: str, page: str, beside: nodes.Element) -> nodes.Element:
+    """Make a link to the entry of a claim."""
+    return link("claim", id, nodes.literal(id, id, classes=["claim-link"]), page, beside)
+
+
+class Claims(SphinxTransform):
+    """Turn citations of claims into links, and label the first one of each claim in a chapter."""
+
+    default_priority = 500
+
+    def apply(self, **_: object) -> None:
+        page = self.env.docname
+        chapter = page.removeprefix(f"{CHAPTERS}/")
+        marked: set[str] = set()
+        for node in list(self.document.findall(nodes.literal)):
+            if match := CLAIM.fullmatch(node.astext()):
+                cited = claim_link(match[1], page, node)
+                node.replace_self(cited)
+                if chapter != page and match[1] not in marked:
+                    marked.add(match[1])
+                    cited[0]["names"].append(f"shown-{chapter}-{match[1]}".lower())
+                    self.document.note_explicit_target(cited[0])
+
+
+# --- theorems -------------------------------------------------------------------------------------
 
 
 def check(app: Sphinx) -> None:
     """Name what is amiss with the theorems, in every build, whatever Sphinx remembers."""
-    warn(faults_of_book(folder(app.env)))
+    warn(faults_of_book(folder_of(app.env)))
     app.env.nrdob_theorems = {  # type: ignore[attr-defined]
         theorem.number: theorem
-        for theorems in theorems_of(folder(app.env)).values()
+        for theorems in theorems_of(folder_of(app.env)).values()
         for theorem in theorems
     }
 
@@ -58,15 +109,16 @@ class Boxes(SphinxTransform):
         for quotation in list(self.document.findall(nodes.block_quote)):
             self.box(quotation)
         for text in list(self.document.findall(nodes.Text)):
-            if MENTION.search(text) and not inside(text, NO_MENTION):
-                text.parent.replace(text, list(self.linked(text)))
+            if MENTION.search(text) and not inside(text):
+                pieces = [each for each in self.linked(text) if each.astext()]
+                text.parent.replace(text, pieces)
 
     def box(self, quotation: nodes.block_quote) -> None:
         """Turn a quotation into a box, if it is a theorem."""
         strong = leading(quotation[0]) if quotation.children else None
         if not isinstance(strong, nodes.strong):
             return
-        match = TITLE.fullmatch(strong.astext())
+        match = TITLE.fullmatch(read_aloud(strong))
         if not match and strong.astext() != "Standing assumptions.":
             return
         box = nodes.container("", *quotation.children, classes=["theorem"])
@@ -78,7 +130,7 @@ class Boxes(SphinxTransform):
         box["ids"].append(anchor(match[1]))
         self.document.note_explicit_target(box)
         # In the order of the alphabet an article counts for nothing.
-        name = re.sub(r"^(A|An|The) ", "", plain(match[2])).replace(";", ",").replace("_n", "ₙ")
+        name = re.sub(r"^(A|An|The) ", "", match[2]).replace(";", ",").replace("_n", "ₙ")
         entry = (f"{name[:1].upper()}{name[1:]} (Theorem {match[1]})", anchor(match[1]))
         index = addnodes.index(entries=[("single", *entry, "main", None)])
         box.parent.insert(box.parent.index(box), index)
@@ -88,24 +140,19 @@ class Boxes(SphinxTransform):
             if isinstance(label, nodes.emphasis) and label.astext().startswith(notes):
                 paragraph["classes"].append("theorem-note")
 
-    def linked(self, text: nodes.Text) -> list[nodes.Node]:
-        """Cut a text into what is said and the links to the theorems it mentions."""
-        pieces: list[nodes.Node] = []
+    def linked(self, text: nodes.Text) -> Iterator[nodes.Node]:
+        """Cut a text into what is said and the links; the first of a mention has its word, too."""
         done = 0
         for mention in MENTION.finditer(text):
             start = mention.start()
             for number in NUMBER.finditer(text, *mention.span(1)):
-                pieces.append(nodes.Text(text[done:start]))
+                yield nodes.Text(text[done:start])
                 shown = nodes.inline("", text[start : number.end()])
-                link = addnodes.pending_xref(
-                    "", shown, reftype="theorem", reftarget=number[0], refdoc=self.env.docname
-                )
-                link.source, link.line = text.parent.source, text.parent.line
-                pieces.append(link)
+                yield link("theorem", number[0], shown, self.env.docname, text.parent)
                 done = number.end()
                 rest = NUMBER.search(text, done, mention.end())
                 start = rest.start() if rest else done
-        return [piece for piece in [*pieces, nodes.Text(text[done:])] if piece.astext()]
+        yield nodes.Text(text[done:])
 
 
 def leading(paragraph: nodes.Node) -> nodes.Node | None:
@@ -113,45 +160,25 @@ def leading(paragraph: nodes.Node) -> nodes.Node | None:
     return next((node for node in paragraph.children if node.astext()), None)
 
 
-def inside(node: nodes.Node, kinds: tuple[type, ...]) -> bool:
-    """Tell whether a node stands in one of those kinds, or in the title of a theorem."""
+def inside(node: nodes.Node) -> bool:
+    """Tell whether a node stands where nothing is a mention, or in the title of a theorem."""
     while (node := node.parent) is not None:
-        if isinstance(node, kinds) or (
-            isinstance(node, nodes.strong) and "theorem-title" in node["classes"]
-        ):
+        if isinstance(node, NO_MENTION) or "theorem-title" in node.get("classes", ()):
             return True
     return False
-
-
-def resolve(
-    app: Sphinx, env: BuildEnvironment, node: addnodes.pending_xref, shown: nodes.TextElement
-) -> nodes.Element | None:
-    """Lead a mention to its theorem, or say that there is none."""
-    if node["reftype"] != "theorem":
-        return None
-    theorem: Theorem | None = env.nrdob_theorems.get(node["reftarget"])  # type: ignore[attr-defined]
-    if theorem is None:
-        if not node["refdoc"].startswith(f"{CHAPTERS}/"):  # of chapters it is said already
-            logger.warning("there is no Theorem %s", node["reftarget"], location=node)
-        return shown
-    page, title = f"{CHAPTERS}/{theorem.page}", re.sub(r"[$\\]", "", theorem.name)
-    return make_refnode(app.builder, node["refdoc"], page, theorem.anchor, shown, title)
 
 
 class TheoremIndex(SphinxDirective):
     """All theorems by chapter: conditions, statement, counterexamples, proof, who knew it."""
 
     def run(self) -> list[nodes.Node]:
-        for path in folder(self.env).glob("*.ipynb"):
-            self.env.note_dependency(path)
+        folder = folder_of(self.env, noted=True)
         text = "\n\n".join(
-            written(page, title_of(folder(self.env) / f"{page}.ipynb"), theorems)
-            for page, theorems in theorems_of(folder(self.env)).items()
+            written(page, title_of(folder / f"{page}.ipynb"), theorems)
+            for page, theorems in theorems_of(folder).items()
             if theorems
         )
-        return self.parse_text_to_nodes(
-            text or "No chapter has a numbered theorem yet.", allow_section_headings=True
-        )
+        return self.parse_text_to_nodes(text, allow_section_headings=True)
 
 
 def written(page: str, title: str, theorems: list[Theorem]) -> str:
@@ -161,10 +188,7 @@ def written(page: str, title: str, theorems: list[Theorem]) -> str:
         fields = {
             "For": setting_of(theorem),
             "If": "\n".join(f"{k}. {text}" for k, text in theorem.conditions.items()),
-            "Then": theorem.then,
-            **{f"Without {k}": text for k, text in theorem.without.items()},
-            "Proof": theorem.proof,
-            "Known": theorem.known,
+            **theorem.parts,
         }
         lines += [
             ":::{container} theorem-entry\n",
@@ -191,6 +215,7 @@ def indented(text: str) -> str:
 def setup(app: Sphinx) -> dict[str, Any]:
     app.add_directive("theorem-index", TheoremIndex)
     app.add_transform(Boxes)
+    app.add_transform(Claims)
     app.connect("builder-inited", check)
     app.connect("missing-reference", resolve)
     return {"parallel_read_safe": True, "parallel_write_safe": True}

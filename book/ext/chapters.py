@@ -1,0 +1,134 @@
+"""The chapters on their way onto the pages: what each gets before Sphinx reads it, and a last look.
+
+While a chapter is read its title gets its number, and the figures attached to its question are laid
+beside the page; behind the question, or the first figure, comes what can be moved, as
+``explorables.toml`` has it; and behind a cell whose metadata names claims, as
+``{"claims": ["eq03"]}``, they are shown at the margin.
+
+A build fails on a chapter that lacks what `shape` says, whatever Sphinx remembers of an earlier
+one. And Sphinx forgets all of it when a program that makes pages has changed: the number of this
+extension's version is made of all their texts.
+"""
+
+from __future__ import annotations
+
+import base64
+import json
+import re
+import tomllib
+from collections.abc import Iterable
+from io import BytesIO
+from pathlib import Path
+from typing import Any
+from zlib import crc32
+
+from PIL import Image
+from sphinx.application import Sphinx
+from sphinx.environment import BuildEnvironment
+from sphinx.util import logging
+
+from explorable import fenced
+from nrdob.plotting.figure import PIXELS
+from predictions import KEY
+from shape import faults_of_book
+
+CHAPTERS, PLACES, PICTURES = "chapters", "explorables.toml", "predictions"
+BOOK = Path(__file__).resolve().parents[1]
+CHAPTER = re.compile(rf"{CHAPTERS}/(0?(\d+|[A-Z])_\w+)")
+
+logger = logging.getLogger(__name__)
+
+
+def folder_of(env: BuildEnvironment, *, noted: bool = False) -> Path:
+    """Give the folder of the chapters; noted, the page is written again when one changes."""
+    folder = Path(env.srcdir) / CHAPTERS
+    for path in folder.glob("*.ipynb") if noted else ():
+        env.note_dependency(path)
+    return folder
+
+
+# --- what a chapter gets --------------------------------------------------------------------------
+
+
+def complete(app: Sphinx, page: str, source: list[str]) -> None:
+    """Put into a chapter that is being read what its notebook does not store."""
+    if not (chapter := CHAPTER.fullmatch(page)):
+        return
+    notebook = json.loads(source[0])
+    cells = notebook["cells"]
+    title = "".join(cells[0]["source"])
+    cells[0]["source"] = re.sub(r"\A# ", rf"# {chapter[2]}. ", title)
+    ask(app, chapter[1], cells)
+    move(app, chapter[1], cells)
+    notebook["cells"] = [each for cell in cells for each in (cell, *claims_beside(cell))]
+    source[0] = json.dumps(notebook)
+
+
+def ask(app: Sphinx, chapter: str, cells: list[dict[str, Any]]) -> None:
+    """Lay the figures of the question beside the page, and let Sphinx read the lines to click."""
+    for cell in cells:
+        if KEY not in cell["metadata"]:
+            continue
+        text = "".join(cell["source"])  # between empty lines a line to click is Markdown
+        text = re.sub("<summary>(.*)</summary>", r"<summary>\n\n\1\n\n</summary>", text)
+        for name, data in cell.pop("attachments").items():
+            png, place = base64.b64decode(data["image/png"]), f"{PICTURES}/{chapter}-{name}"
+            (folder_of(app.env) / PICTURES).mkdir(exist_ok=True)
+            (folder_of(app.env) / place).write_bytes(png)
+            picture = Image.open(BytesIO(png))
+            width = round(picture.width / picture.info["dpi"][0] * PIXELS)
+            text = text.replace(f"(attachment:{name})", f"({place}){{width={width}px}}")
+        cell["source"] = text
+
+
+def move(app: Sphinx, chapter: str, cells: list[dict[str, Any]]) -> None:
+    """Lay what can be moved behind the question of a chapter, or its first figure."""
+    table = Path(app.srcdir) / PLACES
+    if place := tomllib.loads(table.read_text("utf-8")).get(chapter):
+        app.env.note_dependency(table)
+        questions = [k for k, cell in enumerate(cells) if KEY in cell["metadata"]]
+        figures = [
+            k for k, cell in enumerate(cells) if "figure" in cell["metadata"].get("mystnb", {})
+        ]
+        cells.insert((questions + figures)[0] + 1, new_cell("explorable", fenced(place)))
+
+
+def claims_beside(cell: dict[str, Any]) -> list[dict[str, Any]]:
+    """Give the cell that shows at the margin the claims which this one's metadata names."""
+    if not (claims := cell["metadata"].get("claims")):
+        return []
+    links = " ".join(f"`claim:{id}`" for id in claims)
+    text = f":::{{container}} margin-claims\n{links}\n:::"
+    return [new_cell(f"{cell['id']}-claims"[-64:], text)]
+
+
+def new_cell(id: str, text: str) -> dict[str, Any]:
+    """Make a cell of Markdown."""
+    return {"cell_type": "markdown", "id": id, "metadata": {}, "source": text}
+
+
+# --- what it lacks --------------------------------------------------------------------------------
+
+
+def warn(faults: Iterable[str]) -> None:
+    """Name faults of chapters, each of which begins with the name of one."""
+    for fault in faults:
+        page, _, said = fault.partition(": ")
+        logger.warning(said, location=f"{CHAPTERS}/{page}")
+
+
+def check(app: Sphinx) -> None:
+    """Name what the chapters lack."""
+    warn(faults_of_book(Path(app.srcdir) / CHAPTERS))
+
+
+def version() -> int:
+    """Give a number that changes with each change of a program that makes pages."""
+    files = [BOOK / "explorables.toml", *BOOK.glob("ext/*.py"), *BOOK.glob("make/*.py")]
+    return crc32(b"".join(file.read_bytes() for file in sorted(files)))
+
+
+def setup(app: Sphinx) -> dict[str, bool | int]:
+    app.connect("builder-inited", check)
+    app.connect("source-read", complete)
+    return {"env_version": version(), "parallel_read_safe": True, "parallel_write_safe": True}
