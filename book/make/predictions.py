@@ -53,9 +53,6 @@ class Question:
     answered_with: Picture
 
 
-# --- reading ------------------------------------------------------------------------------------
-
-
 def read_questions(folder: Path = NOTEBOOKS / CLASS) -> dict[str, Question]:
     """Read the questions of all weeks, by their chapters."""
     found = [
@@ -116,9 +113,6 @@ def _pictures(cells: list[Any]) -> list[Picture]:
         for output in cell.get("outputs", [])
         if (about := output.get("metadata", {}).get("image/png"))
     ]
-
-
-# --- writing ------------------------------------------------------------------------------------
 
 
 def in_html(markdown: str) -> str:
