@@ -1,10 +1,10 @@
-"""What a page mentions and another one holds: claims of the ledger, and theorems with their index.
+r"""What a page mentions and another one holds: claims of the ledger, and theorems with their index.
 
 Inline code ``claim:ID`` leads to the entry of ID in the ledger. For the way back the first mention
 of a claim in a chapter gets the label ``shown-<chapter>-<ID>``, to which its entry links.
 
-A displayed equation of a chapter with ``tag{3}`` is the paper's (3): the page gives it the number,
-the anchor ``paper-eq-3`` and a line that leads to the ledger.
+A displayed equation of a chapter with ``\tag{3}`` is the paper's (3): the page gives it the
+number, the anchor ``paper-eq-3`` and a line that leads to the ledger.
 
 A theorem becomes a box, and each mention of it a link. What a theorem is, and what is amiss with
 one, stands in `statements`; the build fails on it. ``{theorem-index}`` stands for the index of all

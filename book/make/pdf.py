@@ -201,8 +201,7 @@ def build(site: Path, output: Path) -> None:
 
 
 def main() -> None:
-    folder = ROOT / "build"
-    given = options(__doc__, None, site=folder / "html", output=folder / "nrdob.pdf")
+    given = options(__doc__, None, site=ROOT / "build/html", output=ROOT / "build/nrdob.pdf")
     # A browser miscounts its objects; what reads them would say so, and heals it.
     logging.getLogger("pypdf").setLevel(logging.ERROR)
     build(given.site.resolve(), given.output.resolve())

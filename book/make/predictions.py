@@ -17,8 +17,6 @@ import nbformat
 
 from pages import NOTEBOOKS, keep, options
 
-CLASS = "class"
-
 KEY = "prediction"
 """The metadata of a cell that is made here: the chapter of its question."""
 
@@ -53,7 +51,7 @@ class Question:
     answered_with: Picture
 
 
-def read_questions(folder: Path = NOTEBOOKS / CLASS) -> dict[str, Question]:
+def read_questions(folder: Path = NOTEBOOKS / "class") -> dict[str, Question]:
     """Read the questions of all weeks, by their chapters."""
     found = [
         _read(f"{folder.name}/{path.name}", cells)
