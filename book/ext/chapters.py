@@ -47,9 +47,6 @@ def folder_of(env: BuildEnvironment, *, noted: bool = False) -> Path:
     return folder
 
 
-# --- what a chapter gets --------------------------------------------------------------------------
-
-
 def complete(app: Sphinx, page: str, source: list[str]) -> None:
     """Put into a chapter that is being read what its notebook does not store."""
     if not (chapter := CHAPTER.fullmatch(page)):
@@ -86,10 +83,9 @@ def move(app: Sphinx, chapter: str, cells: list[dict[str, Any]]) -> None:
     table = Path(app.srcdir) / PLACES
     if place := tomllib.loads(table.read_text("utf-8")).get(chapter):
         app.env.note_dependency(table)
-        questions = [k for k, cell in enumerate(cells) if KEY in cell["metadata"]]
-        figures = [
-            k for k, cell in enumerate(cells) if "figure" in cell["metadata"].get("mystnb", {})
-        ]
+        about = [cell["metadata"] for cell in cells]
+        questions = [k for k, each in enumerate(about) if KEY in each]
+        figures = [k for k, each in enumerate(about) if "figure" in each.get("mystnb", {})]
         cells.insert((questions + figures)[0] + 1, new_cell("explorable", fenced(place)))
 
 
@@ -107,9 +103,6 @@ def new_cell(id: str, text: str) -> dict[str, Any]:
     return {"cell_type": "markdown", "id": id, "metadata": {}, "source": text}
 
 
-# --- what it lacks --------------------------------------------------------------------------------
-
-
 def warn(faults: Iterable[str]) -> None:
     """Name faults of chapters, each of which begins with the name of one."""
     for fault in faults:
@@ -124,8 +117,9 @@ def check(app: Sphinx) -> None:
 
 def version() -> int:
     """Give a number that changes with each change of a program that makes pages."""
-    files = [BOOK / "explorables.toml", *BOOK.glob("ext/*.py"), *BOOK.glob("make/*.py")]
-    return crc32(b"".join(file.read_bytes() for file in sorted(files)))
+    made = ("explorables.toml", "ext/*.py", "make/*.py", "templates/*.j2")
+    files = sorted(file for pattern in made for file in BOOK.glob(pattern))
+    return crc32(b"".join(file.read_bytes() for file in files))
 
 
 def setup(app: Sphinx) -> dict[str, bool | int]:

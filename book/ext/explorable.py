@@ -143,11 +143,10 @@ def limits(text: str) -> tuple[float, float]:
 
 def coefficients(loop: NRDOB) -> dict[str, Any]:
     """Give the loop's blocks as the script wants them, in descending powers of s."""
-    names = {"G": ("N", "D"), "Gm": ("Nm", "Dm"), "C": ("Nc", "Dc")}
     found: dict[str, Any] = {"delay": loop.delay}
-    for block, (num, den) in names.items():
+    for block, end in (("G", ""), ("Gm", "m"), ("C", "c")):
         fraction = getattr(loop.fractions, block)
-        found[num], found[den] = fraction.num.tolist(), fraction.den.tolist()
+        found |= {f"N{end}": fraction.num.tolist(), f"D{end}": fraction.den.tolist()}
     return found
 
 
@@ -156,16 +155,13 @@ def carried(
 ) -> dict[str, Any]:
     """Give what the script is told by the page."""
     first, *others = ranges
+    orders = {"order": shown.orders} if shown.orders else {}
     return {
         "kind": shown.kind,
         "plant": shown.plant,
         **shown.told,
         "start": AT_REST | shown.start | ({"upwards": upwards} if upwards else {}),
-        "range": {
-            first: ranges[first],
-            **({"order": shown.orders} if shown.orders else {}),
-            **{slider: ranges[slider] for slider in others},
-        },
+        "range": {first: ranges[first]} | orders | {slider: ranges[slider] for slider in others},
         "last": last,
     }
 

@@ -25,7 +25,7 @@ from sphinx import addnodes
 from sphinx.application import Sphinx
 from sphinx.transforms import SphinxTransform
 
-from mathml import mathml
+from mathml import TexError, mathml
 from pages import on_html
 
 TEXTS, GLOSSARY = "texts.js", "glossary.md"
@@ -50,7 +50,10 @@ SUPERSCRIPTS = str.maketrans("0123456789+-n", "⁰¹²³⁴⁵⁶⁷⁸⁹⁺⁻
 
 def plain(latex: str, display: bool = False) -> str:
     """Write a formula in one line of plain letters, near enough to be recognised."""
-    read = mathml(re.sub(r"\\tag\{\d+\}", "", latex).strip(), display)
+    try:
+        read = mathml(re.sub(r"\\tag\{\d+\}", "", latex).strip(), display)
+    except TexError:  # it is named where the formula is set
+        return latex
     return " ".join(letters(ElementTree.fromstring(read)).split())
 
 
@@ -60,12 +63,13 @@ def letters(element: ElementTree.Element) -> str:
     match element.tag:
         case "mspace":
             return " "
-        case "mtable" | "mtr":
-            return {"mtable": "; ", "mtr": " "}[element.tag].join(parts)
+        case "mtable":
+            return "; ".join(parts)
+        case "mtr":
+            return " ".join(parts)
         case "mfrac":
-            return "/".join(
-                part if re.fullmatch(r"[\w\u0303]+", part) else f"({part})" for part in parts
-            )
+            bare = re.compile(r"[\w\u0303]+")
+            return "/".join(part if bare.fullmatch(part) else f"({part})" for part in parts)
         case "msqrt":
             return f"√({''.join(parts)})"
         case "msub" | "munder":

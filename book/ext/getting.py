@@ -49,21 +49,17 @@ def add_buttons(app: Sphinx, page: str, _: str, context: Any, _doctree: object) 
     """Put what runs the page beside what downloads it, as the theme wants it."""
     if "header_buttons" not in context:
         return
-    rocket = "fas fa-rocket"
-    places = [
-        ("All of it", context["pathto"](PAGE), "fas fa-box-archive", "Get the book and run it")
-    ]
+    rocket, here = "fas fa-rocket", context["pathto"](PAGE)
+    places = [("All of it", here, "fas fa-box-archive", "Get the book and run it")]
     for name, url in starts(app.config.nrdob_repository, page).items():
         places.append((name, url, rocket, f"Run this chapter on {name}"))
+    keys = ("text", "url", "icon", "tooltip")
     buttons = [
-        {"type": "link", "text": name, "url": url, "icon": icon, "tooltip": says,
-         "label": f"get-{name.lower()}"}
-        for name, url, icon, says in places
-    ]  # fmt: skip
-    context["header_buttons"].append(
-        {"type": "group", "tooltip": "Run it", "icon": rocket, "buttons": buttons,
-         "label": "run-buttons"}
-    )  # fmt: skip
+        {"type": "link", "label": f"get-{place[0].lower()}", **dict(zip(keys, place, strict=True))}
+        for place in places
+    ]
+    group = {"type": "group", "label": "run-buttons", "icon": rocket, "tooltip": "Run it"}
+    context["header_buttons"].append({**group, "buttons": buttons})
 
 
 class Repository(SphinxDirective):

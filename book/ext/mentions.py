@@ -1,7 +1,10 @@
-"""What a page mentions and another one holds: claims of the ledger, and theorems with their index.
+r"""What a page mentions and another one holds: claims of the ledger, and theorems with their index.
 
 Inline code ``claim:ID`` leads to the entry of ID in the ledger. For the way back the first mention
 of a claim in a chapter gets the label ``shown-<chapter>-<ID>``, to which its entry links.
+
+A displayed equation of a chapter with ``\tag{3}`` is the paper's (3): the page gives it the
+number, the anchor ``paper-eq-3`` and a line that leads to the ledger.
 
 A theorem becomes a box, and each mention of it a link. What a theorem is, and what is amiss with
 one, stands in `statements`; the build fails on it. ``{theorem-index}`` stands for the index of all
@@ -24,9 +27,12 @@ from sphinx.util.nodes import make_refnode
 
 from chapters import CHAPTERS, folder_of, logger, warn
 from findable import read_aloud
+from nrdob_course.claims import LEDGER
+from pages import render
 from statements import MENTION, NUMBER, Theorem, anchor, faults_of_book, theorems_of, title_of
 
 CLAIM = re.compile(r"claim:(\S+)")
+TAG = re.compile(r"\s*\\tag\{(\d+)\}")
 TITLE = re.compile(rf"Theorem ({NUMBER.pattern}) \((.+)\)\.", re.DOTALL)
 NO_MENTION = (nodes.literal, nodes.literal_block, nodes.math, nodes.math_block, nodes.raw,
               nodes.reference, nodes.title, nodes.comment, addnodes.pending_xref)  # fmt: skip
@@ -85,6 +91,55 @@ class Claims(SphinxTransform):
                     marked.add(match[1])
                     cited[0]["names"].append(f"shown-{chapter}-{match[1]}".lower())
                     self.document.note_explicit_target(cited[0])
+
+
+def claims_of(stem: str, figure: int = 0) -> list[str]:
+    """Give the claims of the ledger about one thing in the paper: eq03, fig15a, lemma1, ex2.
+
+    For a figure those, too, that the paper makes of another thing and shows there.
+    """
+    return [
+        id
+        for id, claim in LEDGER.items()
+        if re.fullmatch(rf"{stem}[a-z]?", id.partition(".")[0].partition("_")[0])
+        or (figure and re.search(rf"Fig\. {figure}(?!\d)", claim.place))
+    ]
+
+
+class PaperNumbers(SphinxTransform):
+    """Give the paper's equations their numbers, anchors, and the way to the ledger."""
+
+    default_priority = 480
+
+    def apply(self, **_: object) -> None:
+        if not self.env.docname.startswith(f"{CHAPTERS}/"):
+            return
+        led: set[str] = set()
+        for formula in list(self.document.findall(nodes.math_block)):
+            latex = formula.astext()
+            numbers = TAG.findall(latex)
+            if len(numbers) == 1:  # the page sets it, where any formula can
+                formula.rawsource = TAG.sub("", latex)
+                formula.children = []
+                formula += nodes.Text(formula.rawsource)
+                formula["number"] = numbers[0]
+            if new := [number for number in numbers if number not in led]:
+                led |= set(new)
+                self.lead(formula, new)
+
+    def lead(self, formula: nodes.math_block, numbers: list[str]) -> None:
+        """Give a formula its anchors, and a line that leads to the ledger."""
+        anchors = [f"paper-eq-{number}" for number in numbers]
+        targets = [nodes.target("", "", ids=[each], names=[each]) for each in anchors]
+        if not formula.get("ids"):
+            formula["ids"] = [f"paper-formula-{numbers[0]}"]
+        listed = ", ".join(f"({number})" for number in numbers)
+        said = f"The paper's equation{'s' * (len(numbers) > 1)} {listed}"
+        line = nodes.paragraph("", "", nodes.Text(said), classes=["paper-number"])
+        for k, id in enumerate(id for number in numbers for id in claims_of(f"eq{int(number):02}")):
+            line += [nodes.Text("; " if k else ": "), claim_link(id, self.env.docname, formula)]
+        place = formula.parent.index(formula)
+        formula.parent[place : place + 1] = [*targets, formula, line]
 
 
 # --- theorems -------------------------------------------------------------------------------------
@@ -173,49 +228,33 @@ class TheoremIndex(SphinxDirective):
 
     def run(self) -> list[nodes.Node]:
         folder = folder_of(self.env, noted=True)
-        text = "\n\n".join(
-            written(page, title_of(folder / f"{page}.ipynb"), theorems)
+        chapters = [
+            (f"/{CHAPTERS}/{page}.ipynb", title_of(folder / f"{page}.ipynb"), theorems)
             for page, theorems in theorems_of(folder).items()
             if theorems
-        )
+        ]
+        text = render("theorem_index.md", chapters=chapters, entry=entry)
         return self.parse_text_to_nodes(text, allow_section_headings=True)
 
 
-def written(page: str, title: str, theorems: list[Theorem]) -> str:
-    """Write the entries of a chapter."""
-    lines = [f"## [{title}](/{CHAPTERS}/{page}.ipynb)"]
-    for theorem in theorems:
-        fields = {
-            "For": setting_of(theorem),
-            "If": "\n".join(f"{k}. {text}" for k, text in theorem.conditions.items()),
-            **theorem.parts,
-        }
-        lines += [
-            ":::{container} theorem-entry\n",
-            f"**Theorem {theorem.number}** ({theorem.name})\n",
-            *(f"{label}\n: {indented(text)}\n" for label, text in fields.items() if text),
-            ":::",
-        ]
-    return "\n".join(lines)
-
-
-def setting_of(theorem: Theorem) -> str:
-    """Say what a theorem is about, if that is another thing than the loop of Figure 1."""
+def entry(theorem: Theorem) -> dict[str, str]:
+    """Give what the index says of a theorem, by label, its links as seen from there."""
     plain = theorem.setting.replace("*", "")
-    text = re.sub(r"^(Let|For)[ ,]+(for )?|([ .,]*\b([Ll]et|and))+[ ,]*$", "", plain).strip(" ,")
-    return "" if text in ("Let", "the loop of Figure 1") else text
-
-
-def indented(text: str) -> str:
-    """Write a text as the body of a definition, its links as seen from the page of the index."""
-    text = re.sub(r"\]\((?!https?:|#|/)([^)]+\.ipynb)", rf"](/{CHAPTERS}/\1", text)
-    return text.replace("\n", "\n  ")
+    about = re.sub(r"^(Let|For)[ ,]+(for )?|([ .,]*\b([Ll]et|and))+[ ,]*$", "", plain).strip(" ,")
+    said = {
+        "For": "" if about in ("Let", "the loop of Figure 1") else about,
+        "If": "\n".join(f"{k}. {text}" for k, text in theorem.conditions.items()),
+        **theorem.parts,
+    }
+    link = re.compile(r"\]\((?!https?:|#|/)([^)]+\.ipynb)")
+    return {label: link.sub(rf"](/{CHAPTERS}/\1", text) for label, text in said.items() if text}
 
 
 def setup(app: Sphinx) -> dict[str, Any]:
     app.add_directive("theorem-index", TheoremIndex)
     app.add_transform(Boxes)
     app.add_transform(Claims)
+    app.add_transform(PaperNumbers)
     app.connect("builder-inited", check)
     app.connect("missing-reference", resolve)
     return {"parallel_read_safe": True, "parallel_write_safe": True}

@@ -1,4 +1,7 @@
-"""What the pages need that no writer should think of: commas, columns, names of buttons.
+"""What the pages need that no writer should think of: formulas, commas, columns, names of buttons.
+
+Formulas are set when a page is written: a browser shows them without a script. Where one is wider
+than its place on a phone, formulas.js sets it a little smaller.
 
 A browser may break a line between an inline formula and the comma after it, a number and its unit,
 or a word and its number; here they are tied together. Printed columns are marked, so that a phone
@@ -10,13 +13,18 @@ get a name for those who hear the page, and so do empty corners of tables.
 from __future__ import annotations
 
 import re
+from html import escape
 from typing import Any
 from urllib.parse import quote
 
 from docutils import nodes
 from sphinx import addnodes
 from sphinx.application import Sphinx
+from sphinx.util import logging
+from sphinx.util.math import get_node_equation_number
 from sphinx.util.osutil import relative_uri
+
+from mathml import TexError, mathml
 
 SPACE = "\N{NO-BREAK SPACE}"
 UNIT = r"(?:N\sm(?:\ss)?|N|kg\sm²|kg|rad/s²?|rad|[kM]?Hz|[mµμ]?s|mm|dB|%|V)(?![\w/²])"
@@ -33,6 +41,38 @@ LONG = 14
 COLUMNS = re.compile(r"\S {2,}\S")
 BEFORE = re.compile(r"[(\[“‘]+$")
 VERBATIM = (nodes.FixedTextElement, nodes.literal, nodes.math, addnodes.desc_signature)
+
+
+logger = logging.getLogger(__name__)
+
+
+def set_formula(translator: Any, node: nodes.Element, latex: str, display: bool) -> None:
+    """Write a formula into the page, or say where one cannot be read."""
+    try:
+        translator.body.append(mathml(latex, display))
+    except TexError as error:
+        logger.warning("%s: %s", error, latex, location=node)
+        translator.body.append(f"<code>{escape(latex)}</code>")
+
+
+def visit_inline(translator: Any, node: nodes.math) -> None:
+    """Set a formula in a line of text."""
+    translator.body.append(translator.starttag(node, "span", "", CLASS="math notranslate"))
+    set_formula(translator, node, node.astext(), display=False)
+    translator.body.append("</span>")
+    raise nodes.SkipNode
+
+
+def visit_display(translator: Any, node: nodes.math_block) -> None:
+    """Set a formula in a line of its own, with its number."""
+    translator.body.append(translator.starttag(node, "div", CLASS="math notranslate"))
+    if node["number"]:
+        translator.body.append(f'<span class="eqno">({get_node_equation_number(translator, node)})')
+        translator.add_permalink_ref(node, "Link to this equation")
+        translator.body.append("</span>")
+    set_formula(translator, node, node.astext().strip(), display=True)
+    translator.body.append("</div>\n")
+    raise nodes.SkipNode
 
 
 def typeset(app: Sphinx, doctree: nodes.document, page: str) -> None:
@@ -122,6 +162,8 @@ def name_parts(_app: Sphinx, _page: str, _: str, context: Any, _doctree: object)
 
 
 def setup(app: Sphinx) -> dict[str, bool]:
+    app.add_html_math_renderer("formulas", (visit_inline, None), (visit_display, None))
+    app.add_js_file("formulas.js", loading_method="defer")
     app.connect("doctree-resolved", typeset, priority=900)
     app.connect("html-page-context", name_parts, priority=900)  # the theme's functions are made
     return {"parallel_read_safe": True, "parallel_write_safe": True}

@@ -49,8 +49,7 @@ def pack(files: Iterator[tuple[str, Path]], target: Path) -> None:
 
 
 def main() -> None:
-    build = ROOT / "build"
-    given = options(__doc__, None, site=build / "html", output=build / "nrdob-book.zip")
+    given = options(__doc__, None, site=ROOT / "build/html", output=ROOT / "build/nrdob-book.zip")
     if not (given.site / "index.html").exists():
         sys.exit(f"There is no book in {given.site}. Build it first: make book")
     pack(chain(site(given.site), to_run()), given.output)

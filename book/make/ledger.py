@@ -13,8 +13,8 @@ import re
 import sys
 import time
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
+from typing import NamedTuple
 
 from nrdob_course.claims import LEDGER, Claim, Entry, Verdict
 from nrdob_course.claims.ledger import settle
@@ -27,21 +27,18 @@ FENCED = re.compile(r"^\s*(```|~~~).*?(?:^\s*\1[^\n]*$|\Z)", re.MULTILINE | re.D
 PAGES = ("ledger.md", "errata.md")
 
 PARTS = {
-    "Sections I, II: the loop": "sec1 sec2 eq01 eq02 eq03 eq04 eq05 eq06 fig01",
-    "Section III: stability and robustness": "sec3 eq07 lemma1 lemma2 cor1",
-    "Example 1: the perfect model": "ex1 fig02",
-    "Example 2: the zero in the right half plane": "ex2 eq08 eq09 eq10 fig03 fig04 fig05 "
-    "fig06 fig07 fig08",
-    "Example 3: the unstable process": "ex3 eq11 eq12 eq13 eq14 eq15 fig09 fig10 fig11 fig12 fig13 "
-    "fig14",
-    "Example 4: the dead time": "ex4 eq16 eq17 fig15a fig15b fig16 fig17 fig18 fig19",
-    "Conclusions: Section V, and the references": "concl ref02",
+    "Sections I, II: the loop": "sec[12]|eq0[1-6]|fig01",
+    "Section III: stability and robustness": "sec3|eq07|lemma[12]|cor1",
+    "Example 1: the perfect model": "ex1|fig02",
+    "Example 2: the zero in the right half plane": "ex2|eq(08|09|10)|fig0[3-8]",
+    "Example 3: the unstable process": "ex3|eq1[1-5]|fig(09|1[0-4])",
+    "Example 4: the dead time": "ex4|eq1[67]|fig(15[ab]|1[6-9])",
+    "Conclusions: Section V, and the references": "concl|ref02",
 }
-"""The parts of the paper, and how the ids of their claims begin, up to the first dot."""
+"""The parts of the paper, and what the ids of their claims have before the first dot."""
 
 
-@dataclass(frozen=True)
-class Chapter:
+class Chapter(NamedTuple):
     """A notebook as the ledger sees it: its title, and the first heading below which a claim is."""
 
     stem: str
@@ -98,13 +95,10 @@ def misfits(ledger: Mapping[str, Claim], chapters: Mapping[str, Chapter]) -> lis
     return told
 
 
-# --- the pages ----------------------------------------------------------------------------------
-
-
 def part_of(id: str) -> str | None:
     """Name the part of the paper that a claim belongs to."""
     stem = id.partition(".")[0]
-    return next((part for part, stems in PARTS.items() if stem in stems.split()), None)
+    return next((part for part, stems in PARTS.items() if re.fullmatch(stems, stem)), None)
 
 
 def by_part(entries: Sequence[Entry]) -> dict[str, list[Entry]]:
@@ -131,9 +125,6 @@ def places(claim: Claim, chapters: Mapping[str, Chapter]) -> str:
         section = f" › {heading}" if heading != chapter.title else ""
         links.append(f"[{chapter.title}{section}](#shown-{chapter.stem}-{claim.id.lower()})")
     return "; ".join(links)
-
-
-# --- the command line ---------------------------------------------------------------------------
 
 
 def main(

@@ -9,42 +9,15 @@ in MathJax's notes. That is written as browsers read it (MathML Core).
 from __future__ import annotations
 
 import atexit
-import json
 from functools import cache, lru_cache
 from unicodedata import lookup
 from xml.etree import ElementTree
 
 from py_mini_racer import JSEvalException, MiniRacer
 
-from pages import installed
+from pages import installed, render
 
 MACROS = {"Gm": r"\tilde{G}", "e": r"\mathrm{e}", "j": r"\mathrm{j}"}
-
-BEFORE = """
-globalThis.window = globalThis;
-globalThis.MathJax = { startup: { typeset: false, ready() {} }, loader: { load: [] } };
-globalThis.document = {
-  currentScript: { src: "" }, head: {}, body: {}, createElement: () => ({}), addEventListener() {},
-  getElementsByTagName: () => [],
-};
-globalThis.addEventListener = globalThis.setTimeout = () => {};
-"""
-"""As much of a browser as MathJax looks for while it is loaded."""
-
-AFTER = r"""
-const { TeX } = MathJax._.input.tex_ts;
-const { MmlFactory } = MathJax._.core.MmlTree.MmlFactory;
-const { SerializedMmlVisitor } = MathJax._.core.MmlTree.SerializedMmlVisitor;
-const tex = new TeX({
-  packages: ["base", "ams", "configmacros"], macros: %s,
-  formatError(_, error) { throw new Error(error.message); },
-});
-tex.setMmlFactory(new MmlFactory());
-const visitor = new SerializedMmlVisitor();
-const nothing = () => ({ inputData: {}, outputData: {}, start: {}, end: {} });
-globalThis.read = (math, display) =>
-  visitor.visitTree(tex.compile({ ...nothing(), math, display }, { options: {}, math: [] }));
-"""
 
 APPLIED = "\N{FUNCTION APPLICATION}"
 SIGNS, CLOSING, DOTS = set("+−±∓"), set(")]}|‖!…⋯"), set(".…⋯")
@@ -67,8 +40,7 @@ def mathjax() -> MiniRacer:
     script = installed("sphinx-mathjax-offline", "tex-svg-full.js")
     engine = MiniRacer()
     atexit.register(engine.close)  # its threads would be waited for
-    for part in (BEFORE, script.read_text("utf-8"), AFTER % json.dumps(MACROS)):
-        engine.eval(part)
+    engine.eval(render("mathml.js", mathjax=script.read_text("utf-8"), macros=MACROS))
     return engine
 
 

@@ -17,7 +17,7 @@ from typing import NamedTuple
 from nbclient.exceptions import CellExecutionError, CellTimeoutError, DeadKernelError
 
 from nrdob_course.running import NotebookRuleError, execute
-from pages import NOTEBOOKS, same, store
+from pages import NOTEBOOKS, report, same, store
 
 SECONDS = 300
 """Limit for one cell."""
@@ -80,9 +80,7 @@ def main(arguments: list[str] | None = None) -> int:
             problems.append(f"{done.path.name} is not what running it gives: make execute")
     if given.report:
         print(*(f"{done.seconds:7.1f} s  {done.path.name}" for done in runs), sep="\n")
-    for problem in problems:
-        print(problem, file=sys.stderr)
-    return 1 if problems else 0
+    return report("The run", problems)
 
 
 if __name__ == "__main__":

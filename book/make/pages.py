@@ -65,9 +65,7 @@ def keep(made: Mapping[Path, str], *, check: bool) -> int:
         if not check:
             store(text, target)
     behind = [target.name for target, text in made.items() if not same(text, target)]
-    if behind:
-        print("Behind their source:", *behind, "- make pages writes them", file=sys.stderr)
-    return 1 if behind else 0
+    return report("What is stored", [f"{name} is behind its source: make pages" for name in behind])
 
 
 def report(what: str, problems: Sequence[str]) -> int:

@@ -37,9 +37,6 @@ DRAWN = {"## Week 1\n": diagrams.nrdob, "## Week 2\n": diagrams.two_degrees_of_f
 MARKER = re.compile(r"^ *### (?:BEGIN|END) SOLUTION\n?", re.MULTILINE)
 
 
-# --- Markdown into HTML -------------------------------------------------------------------------
-
-
 MARKDOWN = (
     MarkdownIt("commonmark")
     .enable("table")
@@ -57,9 +54,6 @@ def html(markdown: str) -> Markup:
 def code(source: str) -> Markup:
     """Give program text as HTML."""
     return Markup(f"<pre>{escape(source.strip())}</pre>")
-
-
-# --- the pages ----------------------------------------------------------------------------------
 
 
 def problems(path: Path) -> Iterator[list[Markup]]:

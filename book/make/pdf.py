@@ -31,7 +31,6 @@ UNPRINTED = "a.headerlink, script, button, .claims-filter, .toctree-wrapper, #al
 """What needs a screen, and the map of the chapters: on paper the contents stand before it."""
 
 NAMES = ("id", "for", "aria-labelledby", "aria-describedby", "aria-controls")
-ADDRESSES = ("href", "src")
 
 PAPER = 650
 """Width of the text in pixels, as a browser counts them on paper."""
@@ -104,9 +103,8 @@ def chapter(site: Path, page: str, printed: frozenset[str]) -> Chapter:
         for name in NAMES:
             if given := element.get_attribute_list(name):
                 element[name] = " ".join(anchor(page, each) for each in given if each)
-        for name in ADDRESSES:
-            if name in element.attrs:
-                element[name] = address(page, str(element[name]), printed)
+        for name in {"href", "src"} & element.attrs.keys():
+            element[name] = address(page, str(element[name]), printed)
         if element.name == "details":
             element["open"] = ""
     for link in text.select("a[href]"):
@@ -203,8 +201,7 @@ def build(site: Path, output: Path) -> None:
 
 
 def main() -> None:
-    folder = ROOT / "build"
-    given = options(__doc__, None, site=folder / "html", output=folder / "nrdob.pdf")
+    given = options(__doc__, None, site=ROOT / "build/html", output=ROOT / "build/nrdob.pdf")
     # A browser miscounts its objects; what reads them would say so, and heals it.
     logging.getLogger("pypdf").setLevel(logging.ERROR)
     build(given.site.resolve(), given.output.resolve())

@@ -17,8 +17,6 @@ import nbformat
 
 from pages import NOTEBOOKS, keep, options
 
-CLASS = "class"
-
 KEY = "prediction"
 """The metadata of a cell that is made here: the chapter of its question."""
 
@@ -53,10 +51,7 @@ class Question:
     answered_with: Picture
 
 
-# --- reading ------------------------------------------------------------------------------------
-
-
-def read_questions(folder: Path = NOTEBOOKS / CLASS) -> dict[str, Question]:
+def read_questions(folder: Path = NOTEBOOKS / "class") -> dict[str, Question]:
     """Read the questions of all weeks, by their chapters."""
     found = [
         _read(f"{folder.name}/{path.name}", cells)
@@ -116,9 +111,6 @@ def _pictures(cells: list[Any]) -> list[Picture]:
         for output in cell.get("outputs", [])
         if (about := output.get("metadata", {}).get("image/png"))
     ]
-
-
-# --- writing ------------------------------------------------------------------------------------
 
 
 def in_html(markdown: str) -> str:

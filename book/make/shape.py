@@ -27,9 +27,9 @@ def faults_of_book(folder: Path) -> list[str]:
 def faults(page: str, cells: Sequence[Cell]) -> Iterator[str]:
     """Name what one chapter lacks."""
     first = cells[0] if cells else {"cell_type": "raw", "source": ""}
-    if first["cell_type"] != "markdown" or not re.match(r"(<!--.*?-->\s*)*# \S", text_of(first)):
+    if first["cell_type"] != "markdown" or not re.match(r"(<!--.*?-->\s*)*# \S", first["source"]):
         yield f"{page}: does not open with its title, '# …'"
-    code = [cell for cell in cells if cell["cell_type"] == "code" and text_of(cell).strip()]
+    code = [cell for cell in cells if cell["cell_type"] == "code" and cell["source"].strip()]
     if not any(pictures(cell) for cell in code):
         yield f"{page}: has no figure"
     for expected, cell in enumerate(code, 1):
@@ -65,11 +65,6 @@ def pictures(cell: Cell) -> list[Any]:
     return [output for output in cell["outputs"] if "image/png" in output.get("data", {})]
 
 
-def text_of(cell: Cell) -> str:
-    """Give what stands in a cell; files keep it whole or line by line."""
-    return "".join(cell["source"])
-
-
 def named(cell: Cell) -> str:
     """Name a cell by its first line."""
-    return f"cell {cell.get('id', '')!r} ({text_of(cell).strip().splitlines()[0]})"
+    return f"cell {cell.get('id', '')!r} ({cell['source'].strip().splitlines()[0]})"

@@ -17,7 +17,6 @@ from typing import Any
 
 import nbformat
 from nbconvert.exporters import SlidesExporter
-from traitlets.config import Config
 
 from pages import NOTEBOOKS, ROOT, TEACHING, installed, options, store
 from predictions import split
@@ -36,18 +35,11 @@ BESIDE = (
 )
 """Packages, and the end of the path of what the slides need of them; all of it self-contained."""
 
-CONFIG = Config(
-    SlidesExporter={
-        "template_name": TEMPLATE.name,
-        "extra_template_basedirs": [str(TEMPLATE.parent)],
-        "exclude_input_prompt": True,
-        "exclude_output_prompt": True,
-    },
-    TagRemovePreprocessor={
-        "enabled": True,
-        "remove_cell_tags": {"remove-cell"},
-        "remove_input_tags": {"remove-input"},
-    },
+EXPORTER = SlidesExporter(
+    template_name=TEMPLATE.name,
+    extra_template_basedirs=[str(TEMPLATE.parent)],
+    exclude_input_prompt=True,
+    exclude_output_prompt=True,
 )
 
 
@@ -77,7 +69,7 @@ def two_days(notebooks: Iterable[Any]) -> Any:
 def slides(notebook: Any) -> str:
     """Convert an executed notebook to one page of slides."""
     title = notebook.cells[0].source.partition("\n")[0].lstrip("# ")
-    page, _ = SlidesExporter(config=CONFIG).from_notebook_node(notebook, {"deck_title": title})
+    page, _ = EXPORTER.from_notebook_node(notebook, {"deck_title": title})
     return str(page)
 
 

@@ -78,9 +78,6 @@ def anchor(number: str) -> str:
     return f"theorem-{number.replace('.', '-').lower()}"
 
 
-# --- reading ------------------------------------------------------------------------------------
-
-
 def quotations(cells: Iterable[str]) -> Iterator[str]:
     """Give the quotations in Markdown texts, without their marks."""
     for text in cells:
@@ -129,9 +126,6 @@ def title_of(notebook: Path) -> str:
 def theorems_of(folder: Path) -> dict[str, list[Theorem]]:
     """Read the theorems of all chapters in a folder, by chapter, in reading order."""
     return {path.stem: read(path.stem, prose_of(path)) for path in sorted(folder.glob("*.ipynb"))}
-
-
-# --- what is amiss --------------------------------------------------------------------------------
 
 
 def faults(page: str, cells: Iterable[str]) -> list[str]:

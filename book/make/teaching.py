@@ -16,7 +16,7 @@ import tomllib
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import nbformat
 
@@ -51,11 +51,7 @@ class Rule:
 RULE = Rule()
 
 
-# --- what there is ------------------------------------------------------------------------------
-
-
-@dataclass(frozen=True)
-class Task:
+class Task(NamedTuple):
     """A graded cell of a set, with the minutes that its text and its solution take to read, write.
 
     What has to be thought of in between is counted in steps, by hand: `Advice.steps`.
@@ -69,8 +65,7 @@ class Task:
     writing: float
 
 
-@dataclass(frozen=True)
-class ProblemSet:
+class ProblemSet(NamedTuple):
     """A notebook of problems."""
 
     name: str
@@ -229,9 +224,6 @@ def read_pack() -> Pack:
     chapters = {chapter.stem: chapter for chapter in read_chapters(NOTEBOOKS)}
     sets = [read_set(path) for path in sorted(SOURCE.glob("set*/set*.ipynb"))]
     return Pack(chapters, sets, read_advice(), PROBLEMS)
-
-
-# --- the command line ---------------------------------------------------------------------------
 
 
 def main(arguments: list[str] | None = None) -> int:

@@ -16,9 +16,7 @@ SOURCE, PAGE = ROOT / "book" / "runs.toml", ROOT / "book" / "trust.md"
 def main(arguments: list[str] | None = None) -> int:
     given = options(__doc__, arguments, check=True)
     runs = tomllib.loads(SOURCE.read_text("utf-8"))
-    page = render(
-        PAGE.name, groups=runs["group"], mended=runs["mended"], uncovered=runs["uncovered"]
-    )
+    page = render(PAGE.name, groups=runs.pop("group"), **runs)
     return keep({PAGE: page}, check=given.check)
 
 

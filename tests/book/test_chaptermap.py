@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from chaptermap import told
+from maps import told
 from openings import PARTS, read_chapter, read_chapters
 
 ROOT = Path(__file__).resolve().parents[2]

@@ -8,8 +8,9 @@ import nbformat
 import pytest
 
 from findable import cut, plain, words
+from maps import EQUATIONS, equations_in, table
+from mentions import claims_of
 from nrdob_course.claims import LEDGER
-from papermap import EQUATIONS, claims_of, equations_in, table
 
 ROOT = Path(__file__).resolve().parents[2]
 

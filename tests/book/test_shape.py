@@ -23,13 +23,13 @@ def chapter() -> list[dict[str, Any]]:
         "metadata": {"image/png": {"alt": "One turn."}},
     }
     return [
-        {"cell_type": "markdown", "metadata": {}, "source": ["# A title\n", "and more"]},
+        {"cell_type": "markdown", "metadata": {}, "source": "# A title\nand more"},
         {
             "cell_type": "code", "id": "sum", "metadata": {}, "source": "1 + 1",
             "execution_count": 1, "outputs": [],
         },
         {
-            "cell_type": "code", "id": "turn", "source": ["plot()"], "execution_count": 2,
+            "cell_type": "code", "id": "turn", "source": "plot()", "execution_count": 2,
             "outputs": [figure],
             "metadata": {
                 "mystnb": {

@@ -50,10 +50,10 @@ from browser import (
     printed,
 )  # fmt: skip
 from digits import hanging_on_rounding
+from maps import equations_in
 from nrdob_course.claims import LEDGER, Entry, Verdict
 from nrdob_course.exercises import PROBLEMS
 from pages import prose_of
-from papermap import equations_in
 from predictions import read_questions
 from statements import theorems_of
 

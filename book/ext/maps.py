@@ -1,7 +1,16 @@
-r"""The paper's own numbers: equations that carry them, and the table that leads from them.
+"""What leads through the book: the map of its chapters, ways with their time, the paper's numbers.
 
-A displayed equation of a chapter with ``\tag{3}`` is the paper's (3): the page gives it the number,
-the anchor ``paper-eq-3`` and a line that leads to the ledger. The table
+    ```{chapter-map}
+    ```
+
+lays out the chapters part by part, as cards: number, title, minutes, what each needs.
+
+    ```{reading-path} 00 03 17
+    The paper in an evening.
+    ```
+
+writes a way: the sentence, the chapters in this order, and the sum of their times. Both are read
+out of the openings of the chapters themselves. And
 
     ```{paper-map}
     ```
@@ -18,21 +27,21 @@ from pathlib import Path
 from typing import Any
 
 from docutils import nodes
+from sphinx import addnodes
 from sphinx.application import Sphinx
-from sphinx.transforms import SphinxTransform
 from sphinx.util.docutils import SphinxDirective
 
 from chapters import CHAPTERS, folder_of
-from mentions import claim_link
+from mentions import TAG, claims_of
 from nrdob_course.claims import LEDGER
-from pages import cells_of, prose_of
+from openings import PARTS, Chapter, read_chapters
+from pages import cells_of, prose_of, quarters
 from statements import theorems_of, title_of
 
-TAG = re.compile(r"\s*\\tag\{(\d+)\}")
 DISPLAYED = re.compile(r"\$\$(.+?)\$\$|\\begin\{(\w+\*?)\}.+?\\end\{\2\}", re.DOTALL)
 FIGURE = re.compile(r"fig-(\d+)(-[a-zH]+)?")
 EQUATIONS, FIGURES = range(1, 18), range(1, 20)
-PARTS = defaultdict(str, bode=" (Bode)", nyquist=" (Nyquist)", ratio=" (G̃⁻¹G)", H=" (H)")
+FIGURE_PARTS = defaultdict(str, bode=" (Bode)", nyquist=" (Nyquist)", ratio=" (G̃⁻¹G)", H=" (H)")
 """What the name of a figure says beside its number."""
 EXAMPLES = {
     1: "03_is_a_perfect_model_perfect",
@@ -42,53 +51,60 @@ EXAMPLES = {
 }
 
 
-def claims_of(stem: str, figure: int = 0) -> list[str]:
-    """Give the claims of the ledger about one thing in the paper: eq03, fig15a, lemma1, ex2.
-
-    For a figure those, too, that the paper makes of another thing and shows there.
-    """
-    return [
-        id
-        for id, claim in LEDGER.items()
-        if re.fullmatch(rf"{stem}[a-z]?", id.partition(".")[0].partition("_")[0])
-        or (figure and re.search(rf"Fig\. {figure}(?!\d)", claim.place))
-    ]
+def told(minutes: int) -> str:
+    """Write a time as one says it, to the quarter of an hour where it is long."""
+    return f"{minutes} min" if minutes < 60 else f"{quarters(round(minutes / 15) / 4)} h"
 
 
-class PaperNumbers(SphinxTransform):
-    """Give the paper's equations their numbers, anchors, and the way to the ledger."""
+def link(opening: Chapter, shown: str, page: str) -> nodes.Node:
+    """Lead to a chapter."""
+    return addnodes.pending_xref(
+        "", nodes.inline("", shown), reftype="doc", refdomain="std", refexplicit=True,
+        reftarget=f"/{CHAPTERS}/{opening.stem}", refdoc=page,
+    )  # fmt: skip
 
-    default_priority = 480
 
-    def apply(self, **_: object) -> None:
-        if not self.env.docname.startswith(f"{CHAPTERS}/"):
-            return
-        led: set[str] = set()
-        for formula in list(self.document.findall(nodes.math_block)):
-            latex = formula.astext()
-            numbers = TAG.findall(latex)
-            if len(numbers) == 1:  # the page sets it, where any formula can
-                formula.rawsource = TAG.sub("", latex)
-                formula.children = []
-                formula += nodes.Text(formula.rawsource)
-                formula["number"] = numbers[0]
-            if new := [number for number in numbers if number not in led]:
-                led |= set(new)
-                self.lead(formula, new)
+class ChapterMap(SphinxDirective):
+    """All chapters, part by part."""
 
-    def lead(self, formula: nodes.math_block, numbers: list[str]) -> None:
-        """Give a formula its anchors, and a line that leads to the ledger."""
-        anchors = [f"paper-eq-{number}" for number in numbers]
-        targets = [nodes.target("", "", ids=[each], names=[each]) for each in anchors]
-        if not formula.get("ids"):
-            formula["ids"] = [f"paper-formula-{numbers[0]}"]
-        listed = ", ".join(f"({number})" for number in numbers)
-        said = f"The paper's equation{'s' * (len(numbers) > 1)} {listed}"
-        line = nodes.paragraph("", "", nodes.Text(said), classes=["paper-number"])
-        for k, id in enumerate(id for number in numbers for id in claims_of(f"eq{int(number):02}")):
-            line += [nodes.Text("; " if k else ": "), claim_link(id, self.env.docname, formula)]
-        place = formula.parent.index(formula)
-        formula.parent[place : place + 1] = [*targets, formula, line]
+    def run(self) -> list[nodes.Node]:
+        chapters = read_chapters(folder_of(self.env, noted=True))
+        found = nodes.container(classes=["chapter-map"])
+        for part, numbers in PARTS.items():
+            cards = [self.card(each) for each in chapters if each.number in numbers]
+            found += [nodes.rubric(part, part)]
+            found += [nodes.bullet_list("", *cards, classes=["chapter-cards"])]
+        return [found]
+
+    def card(self, opening: Chapter) -> nodes.list_item:
+        """Make the card of one chapter."""
+        after = f", after {', '.join(opening.needs)}" if opening.needs else ""
+        number = nodes.inline("", opening.number, classes=["chapter-number"])
+        named = number, nodes.Text(" "), link(opening, opening.title, self.env.docname)
+        needs = nodes.paragraph("", f"{opening.minutes} min{after}", classes=["chapter-needs"])
+        return nodes.list_item("", nodes.paragraph("", "", *named), needs)
+
+
+class ReadingPath(SphinxDirective):
+    """One way through the book."""
+
+    required_arguments = 1
+    final_argument_whitespace = True
+    has_content = True
+
+    def run(self) -> list[nodes.Node]:
+        chapters = {each.number: each for each in read_chapters(folder_of(self.env, noted=True))}
+        numbers = self.arguments[0].split()
+        if unknown := sorted(set(numbers) - set(chapters)):
+            raise self.error(f"there is no chapter {', '.join(unknown)}")
+        chosen = [chapters[number] for number in numbers]
+        text, messages = self.parse_inline(" ".join(self.content))
+        time = f" About {told(sum(opening.minutes for opening in chosen))}: "
+        way = nodes.paragraph("", "", *text, nodes.Text(time), classes=["reading-path"])
+        for opening in chosen:
+            arrow = [nodes.Text(" → ")] if opening is not chosen[0] else []
+            way += [*arrow, link(opening, opening.title.split(":")[0], self.env.docname)]
+        return [way, *messages]
 
 
 class PaperMap(SphinxDirective):
@@ -144,7 +160,7 @@ def table(folder: Path) -> str:
         row(f"Example {n}", [chapter(page)] if page in pages else [], [])
     for n in FIGURES:
         at = [
-            f"[{short(page)}, Figure {n}{PARTS[name.rpartition('-')[2]]}](#{name})"
+            f"[{short(page)}, Figure {n}{FIGURE_PARTS[name.rpartition('-')[2]]}](#{name})"
             for page, names in figures.items()
             for name, number in names.items()
             if number == n
@@ -154,6 +170,7 @@ def table(folder: Path) -> str:
 
 
 def setup(app: Sphinx) -> dict[str, Any]:
+    app.add_directive("chapter-map", ChapterMap)
+    app.add_directive("reading-path", ReadingPath)
     app.add_directive("paper-map", PaperMap)
-    app.add_transform(PaperNumbers)
     return {"parallel_read_safe": True, "parallel_write_safe": True}
