@@ -302,14 +302,11 @@ def identified(
     best, rivals, reason = _chosen(judged, count)
     if count < outputs.size:  # what was held out has been foretold: now it counts, too
         problem, samples = whole, float(whole.used[start:].sum())
-        again = {}
-        for each in (best, *rivals):
-            fits = [refined(fit, whole, start) for fit in begun[judged.index(each)]]
-            fit = _resting_or_moving(fits, samples)
-            parameters, covariance = _numbers(fit, whole, units, confidence)
-            again[each] = replace(each, fit=fit, parameters=parameters, covariance=covariance)
-        judged = [again.get(each, each) for each in judged]
-        best, rivals = again[best], [again[each] for each in rivals]
+        chosen = judged.index(best)
+        fit = _resting_or_moving([refined(fit, whole, start) for fit in begun[chosen]], samples)
+        parameters, covariance = _numbers(fit, whole, units, confidence)
+        best = replace(best, fit=fit, parameters=parameters, covariance=covariance)
+        judged[chosen] = best
     fit = best.fit
     rest = sizes[1] * np.where(problem.used[start:], problem.left(fit), 0.0)
     residuals = check_residuals(rest, problem.inputs[start:], fit.structure.told)
