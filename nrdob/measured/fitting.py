@@ -96,6 +96,10 @@ class Problem:
         rest = self.whitening(level).applied(level)[self.used[start:]]
         return rest.size * log(float(np.mean(rest**2))) + log(rest.size)
 
+    def samples(self, start: int) -> float:
+        """Count the samples that are compared, from `start` on."""
+        return float(self.used[start:].sum())
+
     @property
     def dense(self) -> bool:
         """Whether nearly all samples count."""

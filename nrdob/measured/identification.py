@@ -10,19 +10,19 @@ from __future__ import annotations
 
 import warnings
 from dataclasses import dataclass, field, replace
-from math import ceil, log, nan
+from math import ceil
 from typing import Any
 
 import numpy as np
 
 from ..diagram import DelayedTransferFunction
 from ..numerics import FloatArray, is_real
+from .choice import chosen, criterion, denied_sign, estimates, judge, weighed
 from .diagnostics import doubts
-from .disturbance import Rounding, scatter_of
-from .fitting import Fit, Problem, best_fit, refined, simple_fit
-from .parameters import Parameter, corners_of, process_of, told
+from .fitting import Problem, best_fit, simple_fit
+from .parameters import Parameter, corners_of, process_of
 from .records import Record, checked_record, resolution
-from .residuals import DECISIVE, ResidualCheck, check_residuals
+from .residuals import ResidualCheck, check_residuals
 from .structures import STRUCTURES, Structure
 
 __all__ = ["Candidate", "Identification", "identified", "identify"]
@@ -32,18 +32,6 @@ MOVES, LEAST = 0.1, 50
 
 LITTLE = 30.0
 """Per cent of the output explained below which a process is doubtful."""
-
-ALIKE = 1.5
-"""Factor between two gains that are nearly the same."""
-
-TINY = 1e-12
-"""Of the misfit in the part fitted, what is none."""
-
-CLOSE = 1.0
-"""Per cent of the part held out that make no difference."""
-
-ALONE = 3
-"""How many times as decisive an integrator must be where no part of the record was held out."""
 
 
 @dataclass(frozen=True)
@@ -155,24 +143,6 @@ class Identification:
                 *self.remarks,
             ]
         )
-
-
-@dataclass(frozen=True, eq=False)
-class _Judged:
-    """A fit and what it is worth."""
-
-    fit: Fit
-    bic: float
-    fit_percent: float
-    validation: float
-    predicted: FloatArray
-    parameters: dict[str, Parameter]
-    covariance: FloatArray
-
-    def vague(self, duration: float) -> bool:
-        """Whether the gain may be zero, or a lag lasts longer than the record."""
-        gain = self.parameters["gain"]
-        return gain.low <= 0 <= gain.high or self.fit.structure.slowest(self.fit.shape) > duration
 
 
 def identify(
@@ -290,29 +260,25 @@ def identified(
     ]
     # Where the input before the record is not known, the samples that the dead time keeps it alive
     # for are left out, the same for all, so that they can be compared.
-    leading = min((fit for each in begun for fit in each), key=lambda fit: _criterion(fit, count))
+    leading = min((fit for each in begun for fit in each), key=lambda fit: criterion(fit, count))
     start = 0 if known else min(ceil(leading.shape[0]) + 1, count // 2)
-    samples = float(problem.used[start:].sum())
-    fits = [
-        _resting_or_moving([refined(fit, problem, start) for fit in each], samples)
-        for each in begun
-    ]
     units = record.sampling_time, float(sizes[1] / sizes[0])
-    judged = [_judged(fit, whole, problem, units, confidence) for fit in fits]
-    best, rivals, reason = _chosen(judged, count)
+    judged = [
+        judge(weighed(each, problem, start), whole, problem, units, confidence) for each in begun
+    ]
+    best, rivals, reason = chosen(judged, count)
     if count < outputs.size:  # what was held out has been foretold: now it counts, too
-        problem, samples = whole, float(whole.used[start:].sum())
-        chosen = judged.index(best)
-        fit = _resting_or_moving([refined(fit, whole, start) for fit in begun[chosen]], samples)
-        parameters, covariance = _numbers(fit, whole, units, confidence)
+        problem, place = whole, judged.index(best)
+        fit = weighed(begun[place], whole, start)
+        parameters, covariance = estimates(fit, whole, units, confidence)
         best = replace(best, fit=fit, parameters=parameters, covariance=covariance)
-        judged[chosen] = best
+        judged[place] = best
     fit = best.fit
     rest = sizes[1] * np.where(problem.used[start:], problem.left(fit), 0.0)
     residuals = check_residuals(rest, problem.inputs[start:], fit.structure.told)
     follows = residuals.independent is False
     needless = (best.fit_percent < LITTLE and not follows) and (
-        _criterion(fit, samples) > problem.criterion_without(start)
+        criterion(fit, problem.samples(start)) > problem.criterion_without(start)
     )
     least = min(each.bic for each in judged)
     candidates = tuple(
@@ -323,7 +289,7 @@ def identified(
         )
         for each in judged
     )  # fmt: skip
-    parameters, denied = _denied(best, rivals, needless)
+    parameters, denied = denied_sign(best, rivals, needless)
     remarks = doubts(
         record, parameters, (best.fit_percent, best.validation, follows),
         sizes[1] * np.where(record.free[start:], whole.left(fit), 0.0), fit,
@@ -383,133 +349,3 @@ def _parted(record: Record, held_out: float) -> tuple[int, str]:
             "record to fit one and foretell the other"
         )
     return first, ""
-
-
-def _criterion(fit: Fit, samples: float) -> float:
-    return samples * log(fit.misfit) + fit.count * log(samples)
-
-
-def _resting_or_moving(fits: list[Fit], samples: float) -> Fit:
-    """Take the more likely one; where both tell the same gain, by the squares made least.
-
-    A motion of its own can explain a step at the beginning, with a gain that has no meaning.
-    """
-    gains = [float(fit.linear[0]) for fit in fits]
-    agree = min(gains) * ALIKE > max(gains) > 0 or max(gains) * ALIKE < min(gains) < 0
-    drifts = any(fit.whitening.theta < 1 for fit in fits)
-
-    def criterion(fit: Fit) -> float:
-        plain = agree and not drifts
-        compared = replace(fit, misfit=fit.loss / samples + TINY) if plain else fit
-        return _criterion(compared, samples)
-
-    return min(fits, key=criterion)
-
-
-def _judged(
-    fit: Fit, whole: Problem, problem: Problem, units: tuple[float, float], confidence: float
-) -> _Judged:
-    rest, used = whole.left(fit), whole.used[fit.start :]
-    # Over all of the record: what was held out takes part, with numbers that do not know it.
-    everywhere = whole.whitening(rest).applied(rest)[used]
-    misfit = max(float(np.mean(everywhere**2)), fit.misfit * TINY)
-    predicted, percents = _foretold(fit, whole, problem)
-    return _Judged(
-        fit,
-        _criterion(replace(fit, misfit=misfit), everywhere.size),
-        *percents,
-        predicted,
-        *_numbers(fit, whole, units, confidence),
-    )
-
-
-def _numbers(
-    fit: Fit, whole: Problem, units: tuple[float, float], confidence: float
-) -> tuple[dict[str, Parameter], FloatArray]:
-    rounding = Rounding(whole.grain, whole.outputs[fit.start :])
-    used = whole.used[fit.start :]
-    scatter = scatter_of(whole.left(fit), fit.jacobian(whole.inputs), used, rounding)
-    return told(fit, scatter, units, confidence)
-
-
-def _foretold(fit: Fit, whole: Problem, problem: Problem) -> tuple[FloatArray, tuple[float, float]]:
-    """Go on from the part that was fitted, with plant and drift in the state they are in."""
-    first = problem.outputs.size - fit.start
-    rest = whole.left(fit)
-    level = float(rest[:first][problem.used[fit.start :]].mean())
-    drift = fit.whitening.carried_on(rest[:first], rest.size - first)
-    response = fit.response(whole.inputs) + np.concatenate([np.full(first, level), drift])
-    percents = []
-    for part in (slice(None, first), slice(first, None)):
-        used = whole.used[fit.start :][part]
-        outputs = whole.outputs[fit.start :][part][used]
-        percents.append(_percent(outputs - response[part][used], outputs))
-    return np.concatenate([np.full(fit.start, nan), response]), (percents[0], percents[1])
-
-
-def _percent(rest: FloatArray, outputs: FloatArray) -> float:
-    if not outputs.size or not np.ptp(outputs):
-        return nan
-    return float(100 * (1 - np.linalg.norm(rest) / np.linalg.norm(outputs - outputs.mean())))
-
-
-def _chosen(judged: list[_Judged], duration: float) -> tuple[_Judged, list[_Judged], str]:
-    """Take the smallest criterion among those without a flaw; and all that are about as good."""
-    possible = [each for each in judged if np.isfinite(each.covariance).all()]
-    if not possible:
-        raise ValueError(
-            "the record does not tell the numbers of the process from each other: let the input "
-            "move more often, record longer or, if the plant answers at once, sample faster"
-        )
-
-    def flawed(each: _Judged) -> tuple[int, float]:
-        return 2 * (each.validation < 0) + each.vague(duration), each.bic
-
-    first = min(possible, key=flawed)
-    equal = [each for each in possible if flawed(each)[0] == flawed(first)[0]]
-    close = [each for each in equal if each.bic < first.bic + DECISIVE]
-    # A drift that is no random walk looks like an integrator, and here nothing was held out.
-    alone = first.fit.structure.integrates and np.isnan(first.validation)
-    enough = DECISIVE * (ALONE if alone else 1)
-    lasting = [each for each in equal if each.bic < first.bic + enough]
-    close = [each for each in lasting if not each.fit.structure.integrates] or close
-    best = min(close, key=lambda each: (each.fit.structure.told, each.bic))
-    reason = "of all structures it has the smallest Bayesian information criterion"
-    if len(judged) == 1:
-        reason = "it was asked for"
-    elif best is not first:
-        reason = f"the record does not tell {first.fit.structure.name} from it"
-    elif best.bic > min(each.bic for each in possible):
-        reason = (
-            "of the structures that foretell the part held out, whose gain cannot be zero and "
-            "whose lags are not longer than the record, it has the smallest Bayesian information "
-            "criterion"
-        )
-    rivals = [
-        each
-        for each in equal
-        if each is not best
-        and each.fit.structure.integrates <= best.fit.structure.integrates
-        and (each in close or each.validation > best.validation - CLOSE)
-    ]
-    return best, rivals, reason
-
-
-def _denied(
-    best: _Judged, rivals: list[_Judged], needless: bool
-) -> tuple[dict[str, Parameter], list[str]]:
-    """Let the interval of the gain reach to 0, or to the gain of a rival of the other sign."""
-    gain = best.parameters["gain"]
-    if needless:
-        gain = replace(gain, low=min(gain.low, 0.0), high=max(gain.high, 0.0))
-        return best.parameters | {"gain": gain}, []
-    others = [each for each in rivals if each.parameters["gain"].value * gain.value < 0]
-    if not others:
-        return best.parameters, []
-    names = " and ".join(each.fit.structure.name for each in others)
-    low, high = min(gain.low, -abs(gain.value)), max(gain.high, abs(gain.value))
-    return best.parameters | {"gain": replace(gain, low=low, high=high)}, [
-        f"{names} explains the record about as well with a gain of the other sign, so that the "
-        "sign is open and the interval of the gain is widened: make a larger step, and let the "
-        "output come to rest before and after it"
-    ]

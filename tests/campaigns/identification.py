@@ -197,8 +197,9 @@ def heaters(count: int, seed: int) -> dict[str, int]:
             found["gain off by over a quarter"] += (off or not lasts) and not open_sign
             held = gain.low <= true.truth["gain"] <= gain.high and lasts
             found["held"] += held
-            found["true structure"] += told.structure == true.structure.name
-            found["held with it"] += told.structure == true.structure.name and held
+            right = told.structure == true.structure.name
+            found["true structure"] += right
+            found["held with it"] += right and held
         tally |= {f"{kind}: records": count} | {f"{kind}: {k}": int(v) for k, v in found.items()}
     return tally
 

@@ -67,7 +67,7 @@ def test_a_resonance_leaves_two_intervals(theta):
 
 
 def test_few_verdicts_are_asked_for_however_often_a_long_dead_time_turns_L(monkeypatch):
-    # 1,759 gains below 20 have roots on the axis; with a verdict beside each it took a minute.
+    # At far more than a thousand gains roots are on the axis; beside each there was a verdict.
     G, asked = 1 / (s + 1), []
     loop = nrdob.NRDOB(delay(500) * G, G, 0.1 / s, LowPassFilter(0.5, 1))
     judge = nrdob.NRDOB.stability

@@ -1,0 +1,182 @@
+"""Which of several fits is taken: what each is worth, and which others are about as good."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from math import log, nan
+
+import numpy as np
+
+from ..numerics import FloatArray
+from .disturbance import Rounding, scatter_of
+from .fitting import Fit, Problem, refined
+from .parameters import Parameter, told
+from .residuals import DECISIVE
+
+__all__ = ["Judged", "chosen", "criterion", "denied_sign", "estimates", "judge", "weighed"]
+
+ALIKE = 1.5
+"""Factor between two gains that are nearly the same."""
+
+TINY = 1e-12
+"""Of the misfit in the part fitted, what is none."""
+
+CLOSE = 1.0
+"""Per cent of the part held out that make no difference."""
+
+ALONE = 3
+"""How many times as decisive an integrator must be where no part of the record was held out."""
+
+
+@dataclass(frozen=True, eq=False)
+class Judged:
+    """A fit and what it is worth."""
+
+    fit: Fit
+    bic: float
+    fit_percent: float
+    validation: float
+    predicted: FloatArray
+    parameters: dict[str, Parameter]
+    covariance: FloatArray
+
+    def vague(self, duration: float) -> bool:
+        """Whether the gain may be zero, or a lag lasts longer than the record."""
+        gain = self.parameters["gain"]
+        return gain.low <= 0 <= gain.high or self.fit.structure.slowest(self.fit.shape) > duration
+
+
+def criterion(fit: Fit, samples: float) -> float:
+    """Compute the Bayesian information criterion of a fit to so many samples."""
+    return samples * log(fit.misfit) + fit.count * log(samples)
+
+
+def weighed(begun: list[Fit], problem: Problem, start: int) -> Fit:
+    """Search on from `start`, resting and moving, and take the more likely one.
+
+    Where both tell the same gain it is taken by the squares made least: a motion of its own can
+    explain a step at the beginning, with a gain that has no meaning.
+    """
+    fits = [refined(fit, problem, start) for fit in begun]
+    samples = problem.samples(start)
+    gains = [float(fit.linear[0]) for fit in fits]
+    agree = min(gains) * ALIKE > max(gains) > 0 or max(gains) * ALIKE < min(gains) < 0
+    drifts = any(fit.whitening.theta < 1 for fit in fits)
+
+    def merit(fit: Fit) -> float:
+        plain = agree and not drifts
+        compared = replace(fit, misfit=fit.loss / samples + TINY) if plain else fit
+        return criterion(compared, samples)
+
+    return min(fits, key=merit)
+
+
+def judge(
+    fit: Fit, whole: Problem, problem: Problem, units: tuple[float, float], confidence: float
+) -> Judged:
+    """Find what a fit to the first part of a record is worth for all of it."""
+    rest, used = whole.left(fit), whole.used[fit.start :]
+    # Over all of the record: what was held out takes part, with numbers that do not know it.
+    everywhere = whole.whitening(rest).applied(rest)[used]
+    misfit = max(float(np.mean(everywhere**2)), fit.misfit * TINY)
+    predicted, percents = _foretold(fit, whole, problem)
+    return Judged(
+        fit,
+        criterion(replace(fit, misfit=misfit), everywhere.size),
+        *percents,
+        predicted,
+        *estimates(fit, whole, units, confidence),
+    )
+
+
+def estimates(
+    fit: Fit, whole: Problem, units: tuple[float, float], confidence: float
+) -> tuple[dict[str, Parameter], FloatArray]:
+    """Tell the numbers of a fit, with intervals by the whole record, and their covariance."""
+    rounding = Rounding(whole.grain, whole.outputs[fit.start :])
+    used = whole.used[fit.start :]
+    scatter = scatter_of(whole.left(fit), fit.jacobian(whole.inputs), used, rounding)
+    return told(fit, scatter, units, confidence)
+
+
+def _foretold(fit: Fit, whole: Problem, problem: Problem) -> tuple[FloatArray, tuple[float, float]]:
+    """Go on from the part that was fitted, with plant and drift in the state they are in."""
+    first = problem.outputs.size - fit.start
+    rest = whole.left(fit)
+    level = float(rest[:first][problem.used[fit.start :]].mean())
+    drift = fit.whitening.carried_on(rest[:first], rest.size - first)
+    response = fit.response(whole.inputs) + np.concatenate([np.full(first, level), drift])
+    percents = []
+    for part in (slice(None, first), slice(first, None)):
+        used = whole.used[fit.start :][part]
+        outputs = whole.outputs[fit.start :][part][used]
+        percents.append(_percent(outputs - response[part][used], outputs))
+    return np.concatenate([np.full(fit.start, nan), response]), (percents[0], percents[1])
+
+
+def _percent(rest: FloatArray, outputs: FloatArray) -> float:
+    if not outputs.size or not np.ptp(outputs):
+        return nan
+    return float(100 * (1 - np.linalg.norm(rest) / np.linalg.norm(outputs - outputs.mean())))
+
+
+def chosen(judged: list[Judged], duration: float) -> tuple[Judged, list[Judged], str]:
+    """Take the smallest criterion among those without a flaw; and all that are about as good."""
+    possible = [each for each in judged if np.isfinite(each.covariance).all()]
+    if not possible:
+        raise ValueError(
+            "the record does not tell the numbers of the process from each other: let the input "
+            "move more often, record longer or, if the plant answers at once, sample faster"
+        )
+
+    def flawed(each: Judged) -> tuple[int, float]:
+        return 2 * (each.validation < 0) + each.vague(duration), each.bic
+
+    first = min(possible, key=flawed)
+    equal = [each for each in possible if flawed(each)[0] == flawed(first)[0]]
+    close = [each for each in equal if each.bic < first.bic + DECISIVE]
+    # A drift that is no random walk looks like an integrator, and here nothing was held out.
+    alone = first.fit.structure.integrates and np.isnan(first.validation)
+    enough = DECISIVE * (ALONE if alone else 1)
+    lasting = [each for each in equal if each.bic < first.bic + enough]
+    close = [each for each in lasting if not each.fit.structure.integrates] or close
+    best = min(close, key=lambda each: (each.fit.structure.told, each.bic))
+    reason = "of all structures it has the smallest Bayesian information criterion"
+    if len(judged) == 1:
+        reason = "it was asked for"
+    elif best is not first:
+        reason = f"the record does not tell {first.fit.structure.name} from it"
+    elif best.bic > min(each.bic for each in possible):
+        reason = (
+            "of the structures that foretell the part held out, whose gain cannot be zero and "
+            "whose lags are not longer than the record, it has the smallest Bayesian information "
+            "criterion"
+        )
+    rivals = [
+        each
+        for each in equal
+        if each is not best
+        and each.fit.structure.integrates <= best.fit.structure.integrates
+        and (each in close or each.validation > best.validation - CLOSE)
+    ]
+    return best, rivals, reason
+
+
+def denied_sign(
+    best: Judged, rivals: list[Judged], needless: bool
+) -> tuple[dict[str, Parameter], list[str]]:
+    """Let the interval of the gain reach to 0, or to the gain of a rival of the other sign."""
+    gain = best.parameters["gain"]
+    if needless:
+        gain = replace(gain, low=min(gain.low, 0.0), high=max(gain.high, 0.0))
+        return best.parameters | {"gain": gain}, []
+    others = [each for each in rivals if each.parameters["gain"].value * gain.value < 0]
+    if not others:
+        return best.parameters, []
+    names = " and ".join(each.fit.structure.name for each in others)
+    low, high = min(gain.low, -abs(gain.value)), max(gain.high, abs(gain.value))
+    return best.parameters | {"gain": replace(gain, low=low, high=high)}, [
+        f"{names} explains the record about as well with a gain of the other sign, so that the "
+        "sign is open and the interval of the gain is widened: make a larger step, and let the "
+        "output come to rest before and after it"
+    ]
