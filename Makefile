@@ -43,8 +43,9 @@ $(READY): $(PINS) pyproject.toml book/pyproject.toml
 	@$(PYTHON) -c 'import sys; sys.exit("Python 3.11 or newer is needed, e.g.: make PYTHON=python3.12" if sys.version_info < (3, 11) else 0)'
 	@echo "Making the environment in $(VENV); this takes about a minute, once."
 	$(PYTHON) -m venv $(VENV)
-	$(PY) -m pip install --quiet -r $(PINS)
-	$(PY) -m pip install --quiet --no-deps -e . -e ./book
+	@# The pins name all that is needed; Python compiles what it reads when it first reads it.
+	$(PY) -m pip install --quiet --no-compile --no-deps -r $(PINS)
+	$(PY) -m pip install --quiet --no-compile --no-deps -e . -e ./book
 	@# The paths of these folders as pip notes them are UTF-8; Python before 3.13 reads them in the
 	@# encoding of the locale. Relative ones need no letters.
 	@cd $(VENV)/lib/python3*/site-packages && echo ../../../.. > _editable_impl_nrdob.pth

@@ -304,7 +304,7 @@ def _scaled(found: Fraction, dt: float) -> Fraction:
 
 
 def _agree(p: FloatArray, q: FloatArray) -> bool:
-    return np.allclose(p, q, rtol=AGREEMENT, atol=0.0)
+    return bool((np.abs(p - q) <= AGREEMENT * np.abs(q)).all())
 
 
 def _in_z(given: _Given, bits: int) -> tuple[list[int], list[int]]:

@@ -15,7 +15,6 @@ and the section is as short as the usual one, with sums in place of shifts::
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import astuple, dataclass
 from functools import lru_cache, reduce
 from typing import NamedTuple
 
@@ -37,13 +36,12 @@ class StateSpace(NamedTuple):
     D: float
 
 
-@dataclass(frozen=True)
-class Section:
+class Section(NamedTuple):
     """One second-order section (b0 δ² + b1 δ + b2)/(δ² + a1 δ + a2), δ = z - 1.
 
     One of first order has b2 = a2 = 0 and stands for (b0 δ + b1)/(δ + a1); a number is b0 alone.
 
-    Parameters
+    Attributes
     ----------
     b0, b1, b2, a1, a2 : float
     """
@@ -119,7 +117,7 @@ def at_rest(cascade: Sequence[Section], input: float, output: float) -> FloatArr
     """
     states: list[float] = []
     for section in cascade:
-        b0, b1, _, a1, _ = astuple(section)
+        b0, b1, _, a1, _ = section
         value = output if section.integrates else section.rest * input
         states += [value - b0 * input, a1 * value - b1 * input][: section.order]
         input = value
@@ -135,12 +133,12 @@ def _leading_and_roots(factors: Sequence[FloatArray]) -> tuple[float, ComplexArr
 @lru_cache(maxsize=256)  # of one loop at many sampling times they are the same
 def _factored(p: tuple[float, ...]) -> tuple[float, ComplexArray]:
     """Leading coefficient and roots, those at 0 exactly."""
-    coefficients = np.trim_zeros(np.array(p), "f")
-    if not coefficients.size:
+    there = np.flatnonzero(p)
+    if not there.size:
         return 0.0, np.empty(0, dtype=complex)
-    q = np.trim_zeros(coefficients, "b")
+    q = np.array(p[there[0] : there[-1] + 1])
     roots = roots_by_time_scale(q) if q.size > 2 else -q[1:] / q[0]
-    return q[0], np.append(roots, np.zeros(coefficients.size - q.size)).astype(complex)
+    return q[0], np.append(roots, np.zeros(len(p) - 1 - there[-1])).astype(complex)
 
 
 def _paired(zeros: ComplexArray, poles: ComplexArray, gain: float) -> tuple[Section, ...]:
@@ -176,13 +174,13 @@ def _mean(factor: FloatArray) -> float:
 
 def _section(num: FloatArray, den: FloatArray) -> Section:
     """Write a monic `den` and a `num` of no higher order."""
-    b = np.pad(num, (den.size - num.size, 3 - den.size)).tolist()
-    a = np.pad(den, (0, 3 - den.size)).tolist()
-    return Section(*b, *a[1:])
+    after = [0.0] * (3 - den.size)
+    b = [*[0.0] * (den.size - num.size), *num.tolist(), *after]
+    return Section(*b, *den.tolist()[1:], *after)
 
 
 def _realised(section: Section) -> StateSpace:
-    b0, b1, b2, a1, a2 = astuple(section)
+    b0, b1, b2, a1, a2 = section
     n = section.order
     A, B, C = [[1 - a1, 1.0], [-a2, 1.0]], [b1 - a1 * b0, b2 - a2 * b0], [1.0, 0.0]
     return StateSpace(np.array(A)[:n, :n], np.array(B)[:n], np.array(C)[:n], b0)
