@@ -137,8 +137,7 @@ def _factored(p: tuple[float, ...]) -> tuple[float, ComplexArray]:
     if not there.size:
         return 0.0, np.empty(0, dtype=complex)
     q = np.array(p[there[0] : there[-1] + 1])
-    roots = roots_by_time_scale(q) if q.size > 2 else -q[1:] / q[0]
-    return q[0], np.append(roots, np.zeros(len(p) - 1 - there[-1])).astype(complex)
+    return q[0], np.append(roots_by_time_scale(q), np.zeros(len(p) - 1 - there[-1]))
 
 
 def _paired(zeros: ComplexArray, poles: ComplexArray, gain: float) -> tuple[Section, ...]:

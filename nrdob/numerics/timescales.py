@@ -17,13 +17,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from math import copysign, inf, log2, sqrt
+from math import inf, log2
 
 import numpy as np
 from numpy.typing import ArrayLike
 from scipy.linalg import expm, matrix_balance
 
 from .arrays import ComplexArray, FloatArray
+from .rootfinding import polynomial_roots
 
 __all__ = ["Block", "impulse_states", "roots_by_time_scale", "split", "transition"]
 
@@ -98,25 +99,12 @@ def roots_by_time_scale(den: FloatArray) -> ComplexArray:
     >>> [round(float(root), 3) for root in np.log10(-roots.real[1:])]
     [3.0, 9.0]
     """
-    if den.size == 3 and den[-1]:
-        return _two_roots(*den.tolist())
+    if den.size <= 3 and den[-1]:
+        return polynomial_roots(den)
     moduli = _moduli(den)
     slowest = min(moduli[np.isfinite(moduli)], default=0.0)
     blocks = _blocks(np.zeros((1, den.size)), den[::-1], 2.0 ** (-slowest))
     return np.concatenate([np.linalg.eigvals(block.A).astype(complex) for block in blocks])
-
-
-def _two_roots(a: float, b: float, c: float) -> ComplexArray:
-    """Solve a s² + b s + c = 0, in the unit of the roots' geometric mean: y² + 2 h y ± 1 = 0."""
-    ahead, behind = sqrt(abs(a)), sqrt(abs(c))
-    h, product = copysign(b / (2 * ahead * behind), a * b), copysign(1.0, a * c)
-    inside = h * h - product
-    if inside < 0:
-        roots = [complex(-h, sqrt(-inside)), complex(-h, -sqrt(-inside))]
-    else:
-        larger = -h - copysign(sqrt(inside), h)
-        roots = [complex(product / larger), complex(larger)]
-    return np.array([root * (behind / ahead) for root in roots])
 
 
 def _blocks(nums: FloatArray, den: FloatArray, horizon: float) -> list[Block]:

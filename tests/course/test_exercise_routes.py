@@ -189,14 +189,16 @@ def scanned_orders(case: Any) -> tuple[int, float]:
 
 def scanned_for_three(case: Any) -> LowPassFilter:
     zero = min(float(plant.zeros().real.max()) for plant in case.plants)
+
+    def holds(F: LowPassFilter) -> bool:
+        found = (NRDOB(plant, case.model, 0, F).margins().plant_loop for plant in case.plants)
+        return all(each.stable and each.ms <= case.max_ms for each in found)
+
     good, step = LowPassFilter(12 / zero, case.order), 0.8
     while step < 0.99:  # in large steps down to where it fails, then on in smaller ones
         F = LowPassFilter(step * good.time_constant, case.order)
-        found = [NRDOB(plant, case.model, 0, F).margins().plant_loop for plant in case.plants]
-        if all(each.stable and each.ms <= case.max_ms for each in found):
-            good = F
-        else:
-            step = step**0.5
+        assert F.time_constant > 1 / zero
+        good, step = (F, step) if holds(F) else (good, step**0.5)
     return good
 
 
