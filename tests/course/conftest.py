@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 from collections.abc import Iterator
 from functools import cache
 from pathlib import Path
@@ -10,6 +11,8 @@ import pytest
 from nbgrader import api
 
 from handin import release
+from nrdob_course.grading import command
+from nrdob_course.grading.release import SOURCE, found_course, generate
 
 
 @pytest.fixture(scope="session", autouse=True)
@@ -20,6 +23,30 @@ def _asked_once() -> Iterator[None]:
     """
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(api, "get_alembic_version", cache(api.get_alembic_version))
+        yield
+
+
+@pytest.fixture(scope="session", autouse=True)
+def _given_out_once(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
+    """Make the students' copy of a set once for all empty courses: all are alike."""
+
+    @cache
+    def fresh(name: str) -> Path:
+        root = tmp_path_factory.mktemp("fresh")
+        found_course(root)
+        generate(root, SOURCE, name)
+        return root
+
+    def given_out(root: Path, source: Path, name: str) -> Path:
+        if source != SOURCE or (root / "gradebook.db").exists():
+            return generate(root, source, name)
+        for folder in ("source", "release"):
+            shutil.copytree(fresh(name) / folder / name, root / folder / name, dirs_exist_ok=True)
+        shutil.copy(fresh(name) / "gradebook.db", root)
+        return root / "release" / name
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(command, "generate", given_out)
         yield
 
 
