@@ -86,7 +86,7 @@ class Tuned:
 def candidates(
     process: Any, model: Any, controller: Any, order: int | None = None
 ) -> dict[str, Scheme]:
-    """Return what a plant can be controlled with, each with one parameter.
+    """Return schemes that can control a plant, by name, each with one parameter.
 
     Parameters
     ----------
@@ -97,12 +97,8 @@ def candidates(
     model, controller : as for `nrdob.NRDOB`
         G̃, without dead time, and C of the observers, whose gain is the parameter of C alone.
     order : int, optional
-        n of the observers' filters; by default the lowest that is causal.
-
-    Returns
-    -------
-    dict of str to Scheme
-        By name; ADRC has ωc = ωo/4. What does not fit the plant says so when it is built.
+        n of the observers' filters; by default the lowest that is causal. ADRC has ωc = ωo/4; what
+        does not fit the plant says so when it is built.
 
     Raises
     ------
@@ -157,6 +153,8 @@ def tune(
 ) -> Tuned:
     r"""Find the parameter with which a candidate is as fast as the limits let it be.
 
+    With a slightly faster one, if one was tried, the limits are not kept.
+
     Parameters
     ----------
     candidate : Scheme
@@ -166,11 +164,6 @@ def tune(
         unit density.
     shaping : as for `nrdob.NRDOB.noise_variance`, optional
         Colours that noise. White noise on a K with a direct term has no finite deviation.
-
-    Returns
-    -------
-    Tuned
-        With it the limits are kept, and not with a slightly faster one, if one was tried.
 
     Raises
     ------
