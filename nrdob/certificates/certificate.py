@@ -6,7 +6,6 @@ import json
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction as Ratio
-from functools import reduce
 from itertools import product
 from math import isfinite
 from os import PathLike
@@ -17,7 +16,7 @@ import numpy as np
 
 from ..diagram import Fraction, LoopEquations, LowPassFilter
 from ..numerics import Term
-from .checker import build, check
+from .checker import build, check, times
 from .points import half_plane_points
 
 __all__ = ["Certificate", "W", "certify"]
@@ -216,7 +215,7 @@ def _filters(loop: LoopEquations, time_constants: Interval) -> list[Blocks]:
         raise ValueError(f"time_constants are {time_constants}; they are to be positive")
     low, high = ([[Ratio(value), Ratio(1)]] for value in time_constants)
     lags = (low * (F.order - k) + high * k for k in range(F.order + 1))
-    return [_block([Ratio(1)], list(reduce(np.convolve, each))) for each in lags]
+    return [_block([Ratio(1)], times([Ratio(1)], *each)) for each in lags]
 
 
 def _interval(name: str, given: Interval) -> Interval:

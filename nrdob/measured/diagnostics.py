@@ -15,7 +15,7 @@ from .parameters import Parameter
 from .records import Record
 from .residuals import products, whitening_of
 
-__all__ = ["doubts"]
+__all__ = ["LITTLE", "doubts"]
 
 LITTLE = 30.0  # per cent of the output explained below which a process is doubtful
 SETTLED = 2.0  # lags that a record must last after the input first moves

@@ -205,7 +205,7 @@ def identify(
         raise ValueError(f"held_out is {held_out}; it must be between 0 and 0.9")
     for remark in record.remarks:
         warnings.warn(remark, UserWarning, stacklevel=2)
-    structures = STRUCTURES
+    structures: tuple[Structure, ...] = STRUCTURES
     if structure is not None:
         structures = tuple(each for each in STRUCTURES if each.name == structure)
         if not structures:

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from ..numerics import BoolArray, FloatArray, is_real
+from ..numerics import BoolArray, FloatArray, IntArray, is_real
 from .resampling import evenly_sampled
 
 __all__ = ["SHORTEST", "Record", "checked_record", "resolution"]
@@ -181,12 +181,13 @@ def _stuck(outputs: FloatArray, place: Callable[[int], str]) -> tuple[BoolArray,
     abrupt, far = (max(ABRUPT * each.max(), coarse) for each in (steps, moves))
     for extreme, called in ((outputs.max(), "largest"), (outputs.min(), "smallest")):
         held = outputs == extreme
+        edges: IntArray = np.flatnonzero(np.diff(held.astype(int), prepend=0, append=0))
         cut = [
-            run.start
-            for run in np.ma.clump_masked(np.ma.array(outputs, mask=held))
-            if run.stop - run.start >= STUCK
-            and steps[max(run.start - 2, 0) : run.start].max(initial=0.0) > abrupt
-            and moves[max(run.start - STUCK, 0)] > far
+            first
+            for first, last in edges.reshape(-1, 2).tolist()
+            if last - first >= STUCK
+            and steps[max(first - 2, 0) : first].max(initial=0.0) > abrupt
+            and moves[max(first - STUCK, 0)] > far
         ]
         if cut:
             free &= ~held

@@ -282,5 +282,6 @@ def _arc(start: complex, end: complex, half_turns: int, radius: float) -> Comple
 
 def _runs(values: ComplexArray, radius: float) -> list[slice]:
     """Stretches of a curve within the radius."""
-    outside = np.abs(values) > min(radius, _FAR / 2)
-    return list(np.ma.clump_unmasked(np.ma.array(values, mask=outside)))
+    inside = np.abs(values) <= min(radius, _FAR / 2)
+    edges = np.flatnonzero(np.diff(inside.astype(int), prepend=0, append=0))
+    return [slice(int(a), int(b)) for a, b in zip(edges[::2], edges[1::2], strict=True)]
