@@ -16,17 +16,13 @@ def random_loop(rng: np.random.Generator, *, delayed: bool = False) -> NRDOB:
     """Draw a well-posed loop, stable or not, from plants and models of orders 1 to 3.
 
     Poles and zeros lie on both sides of the imaginary axis, real or in pairs, between 0.1 and
-    10 rad/s; plant and model share nothing but the scale.
+    10 rad/s; plant and model share nothing but the scale. The low-pass filter is of the lowest
+    causal order.
 
     Parameters
     ----------
     rng, delayed : numpy.random.Generator, bool
         Source of the numbers, and whether the process has a dead time between 0.01 and 1 s.
-
-    Returns
-    -------
-    NRDOB
-        With a low-pass filter of the lowest causal order.
 
     Examples
     --------
@@ -54,11 +50,6 @@ def random_block(rng: np.random.Generator, max_order: int) -> ct.TransferFunctio
     ----------
     rng, max_order : numpy.random.Generator, int
         Source of the numbers, and highest order drawn.
-
-    Returns
-    -------
-    control.TransferFunction
-        The block.
     """
     order = int(rng.integers(1, max_order + 1))
     degrees = int(rng.integers(0, order + 1)), order

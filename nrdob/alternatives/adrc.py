@@ -42,7 +42,7 @@ from scipy.signal import convolve2d
 from ..design import Axis, Border, StabilityChart, stability_chart, stabilizing_time_constants
 from ..diagram import FilterFamily, filter_family, real_number
 from ..loop import NRDOB
-from ..numerics import FloatArray, is_whole
+from ..numerics import is_whole
 from ..uncertain import gain_intervals
 
 __all__ = [
@@ -59,7 +59,7 @@ DECADE_AND_MORE = 20.0  # ratio of the ends of an axis of the chart, at least: b
 def linear_adrc(
     process: Any, order: int, b0: float, observer_bandwidth: float, controller_bandwidth: float
 ) -> NRDOB:
-    r"""Close a process with linear ADRC, written as the NR-DOB that it is.
+    r"""Close a process with linear ADRC, written as the NR-DOB with the model b0/s^m.
 
     d, δ and η meet the same loop, and so does R for order 1. For order 2 the model loop must bring
     its own zero, :math:`C = \omega_c^2(3s + \omega_c)/(b_0(s + 3\omega_c))`: ADRC with its observer
@@ -75,11 +75,6 @@ def linear_adrc(
         What is known of G: :math:`G \approx b_0/s^m` at high frequency. Of either sign.
     observer_bandwidth, controller_bandwidth : float
         ωo and ωc, in rad/s.
-
-    Returns
-    -------
-    NRDOB
-        With the model b0/s^m.
 
     Raises
     ------
@@ -139,8 +134,6 @@ def adrc_stabilizing_bandwidths(
 
     Examples
     --------
-    An integrator that answers late: the observer may be fast, but not too fast.
-
     >>> import control as ct
     >>> from nrdob import delay
     >>> (low, high), = adrc_stabilizing_bandwidths(delay(0.1) * ct.tf([1], [1, 0]), 1, 1.0, 2.0)
@@ -180,20 +173,16 @@ def adrc_stabilizing_gains(
 
     Examples
     --------
-    A b0 that is too low is dangerous, one that is too high is slow:
-
     >>> import control as ct
     >>> from nrdob import delay
     >>> (low, high), = adrc_stabilizing_gains(delay(0.1) * ct.tf([1], [1, 0]), 1, 7.0, 2.0)
     >>> round(low, 3), high
     (0.462, inf)
     """
-    # With b0 = ±1 a factor of the process is as good as 1/b0.
+    # With b0 = ±1 a factor of the process acts as 1/b0.
     bandwidths = observer_bandwidth, controller_bandwidth
-    negative, positive = (
-        _inverted(gain_intervals(linear_adrc(process, order, b0, *bandwidths)))
-        for b0 in (-1.0, 1.0)
-    )
+    loops = (linear_adrc(process, order, b0, *bandwidths) for b0 in (-1.0, 1.0))
+    negative, positive = (_inverted(gain_intervals(loop)) for loop in loops)
     return [(-high, -low) for low, high in reversed(negative)] + positive
 
 
@@ -222,11 +211,6 @@ def adrc_chart(
     ms : tuple of float
         Levels of the peak of the sensitivity to be drawn.
 
-    Returns
-    -------
-    StabilityChart
-        With the axes "observer_bandwidth" and "b0".
-
     Raises
     ------
     TypeError, ValueError
@@ -246,17 +230,15 @@ def adrc_chart(
     x = ("time_constant", 1 / bandwidths.high, 1 / bandwidths.low)
     y = ("gain", 1 / gains.high, 1 / gains.low)
     chart = stability_chart(process, model, family, x=x, y=y, ms=ms)
-    borders = tuple(Border(1 / p.x[::-1], 1 / p.y[::-1], p.omega[::-1]) for p in chart.borders)
-    regions = tuple(replace(r, x=1 / r.x, y=1 / r.y) for r in chart.regions)
-    lines: dict[float, list[FloatArray]] = {
-        level: [1 / line for line in each] for level, each in chart.ms_levels.items()
-    }
-    # On logarithmic axes an inverse is a mirror image.
-    labels = chart.labels[::-1, ::-1]
     return StabilityChart(
-        bandwidths, gains, borders, regions, lines, labels,
+        bandwidths,
+        gains,
+        tuple(Border(1 / p.x[::-1], 1 / p.y[::-1], p.omega[::-1]) for p in chart.borders),
+        tuple(replace(r, x=1 / r.x, y=1 / r.y) for r in chart.regions),
+        {level: [1 / line for line in lines] for level, lines in chart.ms_levels.items()},
+        chart.labels[::-1, ::-1],  # on logarithmic axes an inverse is a mirror image
         lambda bandwidth, gain: chart.count_at(1 / bandwidth, 1 / gain),
-    )  # fmt: skip
+    )
 
 
 def _order(order: Any) -> int:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, field, fields, replace
 from html import escape
 from math import isnan, nan
 from typing import Any
@@ -49,7 +49,7 @@ class Row:
     peak_u : float
         Largest ``|u|`` after a unit step of d.
     changed : dict of str to float
-        Ms on each of the changed plants; nan where the loop is unstable.
+        Ms on each of the changed plants, nan where the loop is unstable; empty without numbers.
     loop : NRDOB or None
         The loop itself.
     """
@@ -65,7 +65,7 @@ class Row:
     noise_y: float = nan
     noise_u: float = nan
     peak_u: float = nan
-    changed: dict[str, float] | None = None
+    changed: Mapping[str, float] = field(default_factory=dict)
     loop: NRDOB | None = None
 
 
@@ -107,8 +107,8 @@ class Comparison:
             If there is no such column.
         """
         if name in self.changed:
-            return {row.name: (row.changed or {}).get(name, nan) for row in self.rows}
-        known = [field.name for field in fields(Row)]
+            return {row.name: row.changed.get(name, nan) for row in self.rows}
+        known = [each.name for each in fields(Row)]
         if name not in known:
             raise ValueError(
                 f"there is no column {name!r}; choose one of {', '.join([*known, *self.changed])}"
@@ -150,13 +150,11 @@ class Comparison:
         heads = ["Ms, " + name if changed else COLUMNS[name] for name, changed in shown]
         table = [["", "tuning", *heads]]
         for row in self.rows:
-            numbers = [
-                _number((row.changed or {}).get(name, nan), "unstable")
-                if changed
-                else _number(getattr(row, name))
-                for name, changed in shown
+            cells = [
+                _number(row.changed[name], "unstable") if changed else _number(getattr(row, name))
+                for name, changed in ([] if row.reason else shown)
             ]
-            table.append([row.name, row.tuning, *([""] * len(shown) if row.reason else numbers)])
+            table.append([row.name, row.tuning, *(cells or [""] * len(shown))])
         return table
 
     def __repr__(self) -> str:

@@ -49,19 +49,12 @@ def load_errors(loop: LoopEquations) -> LoadErrors:
     Parameters
     ----------
     loop : LoopEquations
-        A stable loop.
-
-    Returns
-    -------
-    LoadErrors
-        Both infinite where an offset stays.
+        A stable loop; both are infinite where an offset stays.
 
     Raises
     ------
-    ValueError
-        If the loop is not stable.
-    ArithmeticError
-        If the response cannot be had over long enough a time.
+    ValueError, ArithmeticError
+        If the loop is not stable; if the response cannot be had over long enough a time.
 
     Examples
     --------
@@ -80,15 +73,17 @@ def load_errors(loop: LoopEquations) -> LoadErrors:
     # The integral of y is S_δ(s)/s at s = 0.
     s = QuasiPolynomial(np.array([1.0, 0.0]))
     area = Quotient(loop.S_delta.num, (*loop.S_delta.den, s)).dc_gain
-    last = _horizon(loop)
+    roots = loop.p_B.roots
+    late = DEAD_TIMES * (loop.delay + loop.model_delay)
+    if roots.size and roots[0].real < 0:
+        last = SETTLING / float(-roots[0].real) + late
+    else:
+        last = 4 * float(step_response(loop, "delta").time[-1]) + late
     breaks = loop.delay * np.arange(1, 9)
     for doubled in range(ROUNDS):
         count = TIMES << doubled
-        times = np.concatenate([
-            [0.0], last * np.geomspace(EARLIEST, 1, count), np.linspace(0, last, 2 * count)[1:],
-            breaks[breaks < last],
-        ])  # fmt: skip
-        times = np.unique(times)
+        early, evenly = last * np.geomspace(EARLIEST, 1, count), np.linspace(0, last, 2 * count)
+        times = np.unique(np.concatenate([early, evenly, breaks[breaks < last]]))
         times = times[np.append(True, np.diff(times) > 1e-9 * last / count)]
         y = step_response(loop, "delta", times).outputs[0, 0]
         iae, found_area, found_ise = _integrals(times, y)
@@ -100,27 +95,18 @@ def load_errors(loop: LoopEquations) -> LoadErrors:
     )
 
 
-def _horizon(loop: LoopEquations) -> float:
-    """Time after which nothing is left, in seconds."""
-    roots = loop.p_B.roots
-    late = DEAD_TIMES * (loop.delay + loop.model_delay)
-    if not roots.size or not roots[0].real < 0:
-        return float(step_response(loop, "delta").time[-1]) * 4 + late
-    return SETTLING / float(-roots[0].real) + late
-
-
 def _integrals(times: FloatArray, y: FloatArray) -> tuple[float, float, float]:
     """Integrals of |y|, y and y², of a piecewise cubic through the samples."""
     spline = CubicSpline(times, y)
     whole = spline.antiderivative()
     zeros = spline.roots(discontinuity=False, extrapolate=False)
     ends = np.concatenate([[times[0]], zeros[np.isfinite(zeros)], [times[-1]]])
-    iae = float(np.abs(np.diff(whole(ends))).sum())
+    areas = np.diff(whole(ends))
     nodes, weights = np.polynomial.legendre.leggauss(4)
     half = np.diff(times) / 2
     points = (times[:-1] + half)[:, None] + half[:, None] * nodes
-    square = float(half @ (spline(points) ** 2 @ weights))
-    return iae, float(whole(times[-1]) - whole(times[0])), square
+    square = half @ (spline(points) ** 2 @ weights)
+    return float(np.abs(areas).sum()), float(areas.sum()), float(square)
 
 
 def step_peak(loop: LoopEquations) -> float:

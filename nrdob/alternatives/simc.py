@@ -9,14 +9,10 @@ PID controller in series form, for :math:`\tau_2 = 0` a PI,
 
 Load disturbances then die out as slowly as :math:`\tau_1`, so that :math:`\tau_I` is held to
 :math:`4(\tau_c + \theta)`, which leaves an integrating process just without oscillation. Every
-other process is brought into that form by the half rule: of the largest lag that is neglected one
-half is added to the dead time and one half to the lag before it; further lags, and what zeros on
-the right contribute, are added to the dead time.
-
-The derivative of a PID needs a filter, an additional lag in the loop: of :math:`\tau_D/10`, or of
-:math:`\tau_c/2` where that is shorter. By the half rule it counts as dead time: :math:`\theta` is
-then that of the process plus this lag. Tight control, :math:`\tau_c` equal to this sum, has about
-the Ms that the PID without a filter has with :math:`\tau_c` equal to the dead time alone.
+other process is brought into that form by the half rule: half of the largest neglected lag is added
+to the dead time and half to the lag before it; further lags, and the time constants of zeros in the
+right half plane, are added to the dead time. So is the lag that filters the derivative of a PID:
+:math:`\tau_D/10`, or :math:`\tau_c/2` where that is shorter.
 
 .. rubric:: References
 
@@ -83,11 +79,6 @@ def half_rule(process: Any, order: int, closed_loop_time: float) -> LagModel:
     closed_loop_time : float
         τc in seconds, against which zeros in the left half plane are slow or fast.
 
-    Returns
-    -------
-    LagModel
-        The lags that are kept, and what the dead time has become.
-
     Raises
     ------
     TypeError, ValueError
@@ -129,17 +120,12 @@ def half_rule(process: Any, order: int, closed_loop_time: float) -> LagModel:
 
 
 def simc_pi(process: Any, closed_loop_time: float) -> NRDOB:
-    """Close a process with a PI controller by Skogestad's rule.
+    """Close a process with a PI controller by Skogestad's rule, as all its feedback.
 
     Parameters
     ----------
     process, closed_loop_time : as for `half_rule`
         G, and τc, as large as the dead time for tight control.
-
-    Returns
-    -------
-    NRDOB
-        With the PI as all its feedback; `controller` is the PI.
 
     Raises
     ------
@@ -166,15 +152,10 @@ def simc_pid(process: Any, closed_loop_time: float) -> NRDOB:
     process, closed_loop_time : as for `half_rule`
         G, and τc, as large as dead time and derivative's filter together for tight control.
 
-    Returns
-    -------
-    NRDOB
-        With the PID as all its feedback.
-
     Raises
     ------
     TypeError, ValueError
-        If the rule does not fit, as where the process has but one lag.
+        As `simc_pi`, and if the process has only one lag.
 
     Examples
     --------
@@ -211,7 +192,7 @@ def _closed_loop_time(value: Any) -> float:
 
 
 def _lags(den: FloatArray) -> list[float]:
-    """Time constants of the poles, that of an integrator infinite."""
+    """Time constants of the poles, infinite for an integrator."""
     p = QuasiPolynomial(den)
     if p.zeros_at_origin > 1:
         raise ValueError(

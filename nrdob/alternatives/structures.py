@@ -41,18 +41,13 @@ __all__ = ["controller_alone", "conventional_observer", "smith_predictor"]
 
 
 def controller_alone(process: Any, model: Any, controller: Any) -> NRDOB:
-    """Close a process with the controller alone, u = C (R - y).
+    """Close a process with the controller alone, u = C (R - y), so that K = C.
 
     Parameters
     ----------
     process, model, controller : as for `nrdob.NRDOB`
         G; a model that C stabilises, on which nothing of the loop depends and whose dead time is
         left out; and C, so that C or the model integrates.
-
-    Returns
-    -------
-    NRDOB
-        With :math:`K = C`.
 
     Raises
     ------
@@ -80,11 +75,6 @@ def smith_predictor(process: Any, model: Any, controller: Any) -> NRDOB:
         G, the model with its dead time, and C, which stabilises the model without it; one of the
         two integrates.
 
-    Returns
-    -------
-    NRDOB
-        With :math:`F = C\tilde G_0/(1 + C\tilde G_0)`. F/model has no zeros of the model any more.
-
     Raises
     ------
     TypeError, ValueError
@@ -103,17 +93,12 @@ def smith_predictor(process: Any, model: Any, controller: Any) -> NRDOB:
 
 
 def conventional_observer(process: Any, model: Any, controller: Any, filter: Any) -> NRDOB:
-    """Close a process with C and a conventional disturbance observer.
+    """Close a process with C and a conventional disturbance observer, K = (C + F/G̃)/(1 - F).
 
     Parameters
     ----------
     process, model, controller, filter : as for `nrdob.NRDOB`
         G, G̃ without dead time, C and F.
-
-    Returns
-    -------
-    NRDOB
-        With :math:`K = (C + F/G̃)/(1 - F)`.
 
     Raises
     ------

@@ -86,7 +86,7 @@ class Tuned:
 def candidates(
     process: Any, model: Any, controller: Any, order: int | None = None
 ) -> dict[str, Scheme]:
-    """Return what a plant can be controlled with, each with one parameter.
+    """Return schemes that can control a plant, by name, each with one parameter.
 
     Parameters
     ----------
@@ -97,14 +97,8 @@ def candidates(
     model, controller : as for `nrdob.NRDOB`
         G̃, without dead time, and C of the observers, whose gain is the parameter of C alone.
     order : int, optional
-        n of the observers' filters; by default the lowest that is causal.
-
-    Returns
-    -------
-    dict of str to Scheme
-        "NR-DOB", "conventional observer", "Smith predictor" (with dead time), "PI", "PID",
-        "C alone" and "ADRC", the latter with ωc = ωo/4. What does not fit the plant says so when it
-        is built.
+        n of the observers' filters; by default the lowest that is causal. ADRC has ωc = ωo/4; what
+        does not fit the plant says so when it is built.
 
     Raises
     ------
@@ -124,33 +118,30 @@ def candidates(
     speeds = _speeds(probe)
     band = slowest, fastest = min(speeds) / BEYOND, BEYOND * max(speeds)
 
-    def observer(make: Callable[..., NRDOB], model: Any) -> Callable[[float], NRDOB]:
-        return lambda x: make(process, model, controller, LowPassFilter(x, n))
+    def timed(parameter: str, build: Callable[[float], NRDOB]) -> Scheme:
+        return Scheme(parameter, "s", build, 1 / fastest, 1 / slowest, band)
 
-    observers = {
+    def observer(make: Callable[..., NRDOB], model: Any) -> Scheme:
+        return timed("λ", lambda x: make(process, model, controller, LowPassFilter(x, n)))
+
+    found = {
         "NR-DOB": observer(NRDOB, model),
         "conventional observer": observer(conventional_observer, model),
     }
     if probe.delay:
         delayed = model if probe.model_delay else DelayedTransferFunction(model, probe.delay)
-        observers["Smith predictor"] = observer(NRDOB, delayed)
-    rules = {"PI": partial(simc_pi, process), "PID": partial(simc_pid, process)}
-    timed = {
-        name: Scheme(parameter, "s", build, 1 / fastest, 1 / slowest, band)
-        for parameter, group in (("λ", observers), ("τc", rules))
-        for name, build in group.items()
-    }
+        found["Smith predictor"] = observer(NRDOB, delayed)
+    found["PI"] = timed("τc", partial(simc_pi, process))
+    found["PID"] = timed("τc", partial(simc_pid, process))
     C = as_fraction(controller, "controller")
-    return timed | {
-        "C alone": Scheme(
-            "gain of C", "", lambda x: controller_alone(process, model, (x * C.num, C.den)),
-            BEYOND, 1 / BEYOND, band,
-        ),
-        "ADRC": Scheme(
-            "ωo", "rad/s", lambda x: linear_adrc(process, m, b0, x, x / RATIO),
-            fastest, slowest, band,
-        ),
-    }  # fmt: skip
+    found["C alone"] = Scheme(
+        "gain of C", "", lambda x: controller_alone(process, model, (x * C.num, C.den)),
+        BEYOND, 1 / BEYOND, band,
+    )  # fmt: skip
+    found["ADRC"] = Scheme(
+        "ωo", "rad/s", lambda x: linear_adrc(process, m, b0, x, x / RATIO), fastest, slowest, band
+    )
+    return found
 
 
 def tune(
@@ -162,6 +153,8 @@ def tune(
 ) -> Tuned:
     r"""Find the parameter with which a candidate is as fast as the limits let it be.
 
+    With a slightly faster one, if one was tried, the limits are not kept.
+
     Parameters
     ----------
     candidate : Scheme
@@ -171,11 +164,6 @@ def tune(
         unit density.
     shaping : as for `nrdob.NRDOB.noise_variance`, optional
         Colours that noise. White noise on a K with a direct term has no finite deviation.
-
-    Returns
-    -------
-    Tuned
-        With it the limits are kept, and not with a slightly faster one, if one was tried.
 
     Raises
     ------
@@ -197,14 +185,14 @@ def tune(
             "nrdob.alternatives.candidates(process, model, controller)"
         )
     checked_limits(max_ms, max_noise)
-    refusals: list[str] = []
+    refusals: list[ValueError] = []
     built: list[NRDOB] = []
 
     def slack(value: float) -> float:
         try:
             built.append(candidate.build(value))
         except ValueError as refusal:  # such as a C that is too large for the model
-            refusals.append(str(refusal))
+            refusals.append(refusal)
             return UNSTABLE
         return _slack(built[-1], candidate.band, max_ms, max_noise, shaping)
 
@@ -217,7 +205,7 @@ def tune(
             break
     else:
         if not built:
-            raise ValueError(refusals[-1])
+            raise refusals[-1]
         given = {"max_ms": max_ms, "max_noise": max_noise}
         limits = " and ".join(f"{name} = {x:g}" for name, x in given.items() if x is not None)
         raise ValueError(_refusal(candidate, limits, tried, built))
@@ -243,7 +231,9 @@ def _slack(
     loop: NRDOB, band: tuple[float, float], max_ms: Any, max_noise: Any, shaping: Any
 ) -> float:
     """Logarithm of limit over value, or over what a few frequencies show if that is too high."""
-    if loop.ill_posed or not all(map(_on_the_left, (loop.p_A, loop.p_B))):
+    if loop.ill_posed or any(
+        p.zeros_at_origin or count_rhp(p).count != 0 for p in (loop.p_A, loop.p_B)
+    ):
         return UNSTABLE
     found = -UNSTABLE
     if max_ms is not None:
@@ -276,10 +266,6 @@ def _refusal(candidate: Scheme, limits: str, tried: dict[float, float], built: l
 
 def _with_unit(candidate: Scheme, value: float) -> str:
     return f"{value:.4g} {candidate.unit}".rstrip()
-
-
-def _on_the_left(p: QuasiPolynomial) -> bool:
-    return not p.zeros_at_origin and count_rhp(p).count == 0
 
 
 def _integrators(loop: NRDOB) -> tuple[int, float]:

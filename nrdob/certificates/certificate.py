@@ -16,7 +16,7 @@ import numpy as np
 
 from ..diagram import Fraction, LoopEquations, LowPassFilter
 from ..numerics import Term
-from .checker import build, check
+from .checker import build, check, times
 from .points import half_plane_points
 
 __all__ = ["Certificate", "W", "certify"]
@@ -137,6 +137,7 @@ def certify(
         process = [_block(*fraction, middle) for fraction in given]
         blocks = {"process": process, **others, "filter": _filters(loop, lag)}
         points = _points(blocks, cancelled, within)
+        claims = (None if count is None else int(count) for count in (0, *counts))
         return {
             "format": "nrdob certificate",
             "version": 1,
@@ -144,10 +145,7 @@ def certify(
             "blocks": blocks,
             "within": str(within),
             "cancelled": cancelled,
-            "claim": {
-                name: None if count is None else int(count)
-                for name, count in zip(points, (0, *counts), strict=True)
-            },
+            "claim": dict(zip(points, claims, strict=True)),
             "points": points,
         }
 
@@ -155,11 +153,8 @@ def certify(
     lag = _interval("time_constants", time_constants or (0.0, 0.0))
     if delay[0] < 0:
         raise ValueError(f"delays are {delays}; a dead time is zero or positive")
-    content = (
-        _cut(lambda cut: part(cut, lag), delay)
-        if delays
-        else _cut(lambda cut: part(delay, cut), lag)
-    )
+    moving = delay if delays else lag
+    content = _cut(lambda cut: part(cut, lag) if delays else part(delay, cut), moving)
     found = content[0] if len(content) == 1 else content
     try:
         return Certificate(found, check(found))
@@ -218,17 +213,9 @@ def _filters(loop: LoopEquations, time_constants: Interval) -> list[Blocks]:
         raise ValueError(f"time_constants are those of a LowPassFilter; the filter is {F!r}")
     if time_constants[0] <= 0:
         raise ValueError(f"time_constants are {time_constants}; they are to be positive")
-    low, high = ([Ratio(value)] for value in time_constants)
-    lags = (_lags(low * (F.order - k) + high * k) for k in range(F.order + 1))
-    return [_block([Ratio(1)], den) for den in lags]
-
-
-def _lags(time_constants: list[Ratio]) -> Exact:
-    """Multiply (λs + 1) for all λ out."""
-    found, zero = [Ratio(1)], Ratio(0)
-    for lag in time_constants:
-        found = [lag * a + b for a, b in zip([*found, zero], [zero, *found], strict=True)]
-    return found
+    low, high = ([[Ratio(value), Ratio(1)]] for value in time_constants)
+    lags = (low * (F.order - k) + high * k for k in range(F.order + 1))
+    return [_block([Ratio(1)], times([Ratio(1)], *each)) for each in lags]
 
 
 def _interval(name: str, given: Interval) -> Interval:

@@ -18,7 +18,7 @@ from itertools import pairwise, product, zip_longest
 from math import isqrt
 from typing import Any
 
-__all__ = ["build", "check"]
+__all__ = ["build", "check", "times"]
 
 Poly = list[Fraction]  # in descending powers
 Terms = dict[Fraction, Poly]  # a sum of q(s) exp(-delay s), by delay
@@ -233,6 +233,7 @@ def derivative(f: Terms, n: int) -> Terms:
 
 
 def times(p: Poly, *others: Poly) -> Poly:
+    """Multiply polynomials."""
     for q in others:
         p = reduce(total, [[c * d for d in q] + [ZERO] * k for k, c in enumerate(reversed(p))])
     return p

@@ -14,10 +14,11 @@ Design 29 (2012) 379-419.
 
 from __future__ import annotations
 
-from functools import lru_cache, partial
+from functools import lru_cache
 from math import ceil, comb
 
 import numpy as np
+from scipy.interpolate import BPoly
 from scipy.optimize import brentq
 
 from ..numerics import FloatArray
@@ -105,19 +106,13 @@ def first_exit(enclosed: FloatArray, tolerance: float) -> float | None:
             return low
         falls = b[-1] < -tolerance and bool(np.all(np.diff(b) <= 0))
         if falls and b[0] >= 0:
-            return low + width * brentq(partial(_at, b), 0.0, 1.0, xtol=1e-16) if b[0] else low
+            signal = BPoly(b[:, None], [0.0, 1.0])
+            return low + width * brentq(signal, 0.0, 1.0, xtol=1e-16) if b[0] else low
         if width <= NARROWEST:
             return low
         left, right = _halves(b)
         waiting += [(right, low + width / 2, width / 2), (left, low, width / 2)]
     return None
-
-
-def _at(b: FloatArray, t: float) -> float:
-    """Evaluate by de Casteljau's rule."""
-    while b.size > 1:
-        b = (1 - t) * b[:-1] + t * b[1:]
-    return float(b[0])
 
 
 def _halves(b: FloatArray) -> tuple[FloatArray, FloatArray]:

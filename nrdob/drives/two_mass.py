@@ -38,25 +38,14 @@ class OneMass:
 
     Examples
     --------
-    >>> G = OneMass(0.01).speed(viscous=0.1)
-    >>> float(G.dcgain()), float(G.poles()[0].real)
-    (10.0, -10.0)
+    >>> OneMass(0.01)
+    OneMass(inertia=0.01)
     """
 
     inertia: float
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "inertia", _positive(self.inertia, "inertia", "kg m²"))
-
-    def speed(self, viscous: float = 0.0) -> ct.TransferFunction:
-        """Give the speed in rad/s from the torque in N m, 1/(J s + b).
-
-        Parameters
-        ----------
-        viscous : float
-            Viscous friction b of the motor, in N m s.
-        """
-        return ct.tf([1.0], [self.inertia, viscous])
 
 
 @dataclass(frozen=True)
@@ -132,27 +121,6 @@ class TwoMasses:
         own, total = np.array([self.load, self.damping, self.stiffness]), self.motor + self.load
         free = [self.motor * self.load, total * self.damping, total * self.stiffness, 0.0]
         return ct.tf(own, np.polyadd(free, viscous * own))
-
-    def notch(self, width: float) -> ct.TransferFunction:
-        r"""Give :math:`(s^2+2\zeta\omega_rs+\omega_r^2)/(s^2+2w\omega_rs+\omega_r^2)`.
-
-        With the shaft's own :math:`\zeta` it takes the resonance of this drive out of the torque.
-
-        Parameters
-        ----------
-        width : float
-            w, the damping ratio of the new poles, positive.
-
-        Examples
-        --------
-        >>> drive = TwoMasses(1e-3, 4e-3, 10.0, 1e-3)
-        >>> round(float(abs(drive.notch(0.5)(1j * drive.resonance))), 6)       # ζ/w
-        0.01118
-        """
-        width = _positive(width, "width", "1")
-        squared = self.resonance**2
-        own = self.damping * (1 / self.motor + 1 / self.load)
-        return ct.tf([1.0, own, squared], [1.0, 2 * width * self.resonance, squared])
 
 
 def _positive(value: float, name: str, unit: str) -> float:

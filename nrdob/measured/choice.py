@@ -8,7 +8,7 @@ from math import log, nan
 import numpy as np
 
 from ..numerics import FloatArray
-from .disturbance import Rounding, scatter_of
+from .disturbance import scatter_of
 from .fitting import Fit, Problem, refined
 from .parameters import Parameter, told
 from .residuals import DECISIVE
@@ -48,7 +48,7 @@ class Judged:
 
 def criterion(fit: Fit, samples: float) -> float:
     """Compute the Bayesian information criterion of a fit to so many samples."""
-    return samples * log(fit.misfit) + fit.count * log(samples)
+    return samples * log(fit.misfit) + fit.structure.count(fit.moving) * log(samples)
 
 
 def weighed(begun: list[Fit], problem: Problem, start: int) -> Fit:
@@ -71,9 +71,7 @@ def weighed(begun: list[Fit], problem: Problem, start: int) -> Fit:
     return min(fits, key=merit)
 
 
-def judge(
-    fit: Fit, whole: Problem, problem: Problem, units: tuple[float, float], confidence: float
-) -> Judged:
+def judge(fit: Fit, whole: Problem, problem: Problem, units: tuple[float, float]) -> Judged:
     """Find what a fit to the first part of a record is worth for all of it."""
     rest, used = whole.left(fit), whole.used[fit.start :]
     # Over all of the record: what was held out takes part, with numbers that do not know it.
@@ -85,18 +83,17 @@ def judge(
         criterion(replace(fit, misfit=misfit), everywhere.size),
         *percents,
         predicted,
-        *estimates(fit, whole, units, confidence),
+        *estimates(fit, whole, units),
     )
 
 
 def estimates(
-    fit: Fit, whole: Problem, units: tuple[float, float], confidence: float
+    fit: Fit, whole: Problem, units: tuple[float, float]
 ) -> tuple[dict[str, Parameter], FloatArray]:
     """Tell the numbers of a fit, with intervals by the whole record, and their covariance."""
-    rounding = Rounding(whole.grain, whole.outputs[fit.start :])
-    used = whole.used[fit.start :]
-    scatter = scatter_of(whole.left(fit), fit.jacobian(whole.inputs), used, rounding)
-    return told(fit, scatter, units, confidence)
+    used, readings = whole.used[fit.start :], whole.outputs[fit.start :]
+    jacobian = fit.jacobian(whole.inputs)
+    return told(fit, scatter_of(whole.left(fit), jacobian, used, readings, whole.grain), units)
 
 
 def _foretold(fit: Fit, whole: Problem, problem: Problem) -> tuple[FloatArray, tuple[float, float]]:

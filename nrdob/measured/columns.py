@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 from .parsing import UNITS, short
 
-__all__ = ["Choice", "checked_columns", "chosen", "known", "unit_of_time"]
+__all__ = ["Choice", "checked_columns", "chosen", "known"]
 
 # First words of a heading of times; t and ts are others, if no column of these is there.
 TIME = ("time", "timestamp", "zeit", "elapsed", "seconds", "sec", "s", "date", "datetime")
@@ -65,11 +65,6 @@ def known(heads: Iterable[str]) -> int:
     return sum(bool(_is_time(head) or _signal(head, "u") or _signal(head, "y")) for head in heads)
 
 
-def unit_of_time(text: str) -> float | None:
-    """Seconds in a unit of time, written with or without brackets; None if it is none."""
-    return UNITS.get(text.strip(" []()").lower())
-
-
 def chosen(heads: Sequence[str], asked: Mapping[str, str | int], timed: bool, table: str) -> Choice:
     """Find the columns, or raise a ValueError that lists them and asks.
 
@@ -85,11 +80,9 @@ def chosen(heads: Sequence[str], asked: Mapping[str, str | int], timed: bool, ta
     listed = f"{table} has " + (
         f"the columns {named}" if titled else f"{width} column{'s' * (width > 1)} and no headings"
     )
-    order: dict[str, int] = {}
-    unit = ""
-    for what in (each for each in wanted if each in asked):
-        order[what], named = _asked(asked[what], what, heads, listed)
-        unit = named if what == "t" else unit
+    picked = {what: _asked(asked[what], what, heads, listed) for what in wanted if what in asked}
+    order = {what: column for what, (column, _) in picked.items()}
+    unit = picked["t"][1] if "t" in picked else ""
     if len(set(order.values())) < len(order):
         raise ValueError(f"{listed}; the same one is asked for twice: t, u and y are three columns")
     found = {what: _candidates(what, heads, order.values()) for what in wanted if what not in order}

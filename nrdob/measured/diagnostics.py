@@ -13,9 +13,9 @@ from ..numerics import FloatArray
 from .fitting import Fit
 from .parameters import Parameter
 from .records import Record
-from .residuals import whitening_of
+from .residuals import products, whitening_of
 
-__all__ = ["doubts"]
+__all__ = ["LITTLE", "doubts"]
 
 LITTLE = 30.0  # per cent of the output explained below which a process is doubtful
 SETTLED = 2.0  # lags that a record must last after the input first moves
@@ -133,11 +133,9 @@ def _closed_loop(record: Record, residual: FloatArray, fit: Fit) -> Iterator[str
     size = np.sqrt(float(e @ e) * float(fresh @ fresh))
     if not size:
         return
-    count = e.size
     # In the same sample only if the plant cannot have answered within it.
-    first = int(fit.shape[0] < 1)
-    found = np.array([fresh[k:] @ e[: count - k] for k in range(first, PAST)]) / size
-    chance = float(chi2.sf(count * float(found @ found), found.size))
+    found = products(fresh, e, PAST)[int(fit.shape[0] < 1) :] * e.size / size
+    chance = float(chi2.sf(e.size * float(found @ found), found.size))
     found *= -np.sign(fit.linear[0])
     if chance < NEVER and found.max() > FEEDBACK:
         yield (
@@ -151,7 +149,7 @@ def _fresh(moves: FloatArray) -> FloatArray | None:
     """Give what its own past does not tell of an input that always moves; None of any other."""
     if np.count_nonzero(moves) < moves.size / 2 or moves.size < 5 * PAST:
         return None
-    own = np.array([moves[k:] @ moves[: moves.size - k] for k in range(PAST + 1)])
+    own = products(moves, moves, PAST + 1)
     own[0] *= 1 + 1e-9
     past = solve_toeplitz(own[:-1], own[1:])
     fresh = lfilter(np.concatenate([[1.0], -past]), [1.0], moves)[PAST:]

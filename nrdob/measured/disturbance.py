@@ -36,7 +36,7 @@ from scipy.stats import t as student
 
 from ..numerics import BoolArray, FloatArray
 
-__all__ = ["Rounding", "Scatter", "scatter_of"]
+__all__ = ["Scatter", "scatter_of"]
 
 COLOURED = (0.3, 0.5, 0.65, 0.75, 0.82, 0.87, 0.91, 0.94, 0.96, 0.975, 0.985, 0.993)
 """Poles φ of coloured noise."""
@@ -63,14 +63,6 @@ FORGOTTEN = 20
 
 WAVE = 6.0, (0.5, 1.0, 1.5)
 """Size of each part of the wave beside a random walk, over e, and how many periods it makes."""
-
-
-@dataclass(frozen=True)
-class Rounding:
-    """What a sensor resolves (0 if that cannot be seen), and its readings."""
-
-    grain: float
-    readings: FloatArray
 
 
 @dataclass(frozen=True, eq=False)
@@ -117,7 +109,7 @@ class Scatter:
 
 
 def scatter_of(
-    residual: FloatArray, jacobian: FloatArray, used: BoolArray, rounding: Rounding
+    residual: FloatArray, jacobian: FloatArray, used: BoolArray, readings: FloatArray, grain: float
 ) -> Scatter:
     """Find where the truth may be, seen from estimates.
 
@@ -127,8 +119,8 @@ def scatter_of(
         What the fit leaves, and which samples count.
     jacobian : (N, n) array
         Derivatives of the response by what was estimated.
-    rounding : Rounding
-        Of the sensor.
+    readings, grain : (N,) array, float
+        Of the sensor, and what it resolves; 0 if that cannot be seen.
     """
     size = np.linalg.norm(jacobian[used], axis=0)
     scaled = jacobian / np.where(size > 0, size, 1.0)
@@ -136,7 +128,7 @@ def scatter_of(
     freedom = float(max(1, used.sum() - n))
     if np.linalg.matrix_rank(scaled[used]) < n:
         return Scatter(np.ones(1), np.zeros((1, n)), np.full((1, n, n), np.inf), freedom)
-    readings = np.unique(rounding.readings, return_inverse=True)[1] if rounding.grain else None
+    levels = np.unique(readings, return_inverse=True)[1]
     logarithms, shifts, covariances = [], [], []
     kinds = [
         [each for each in kind if each[1] == 1 or (1 - each[1]) * residual.size > FORGOTTEN]
@@ -153,12 +145,12 @@ def scatter_of(
         logarithms.append(-np.log(corners).sum() - 0.5 * freedom * np.log(variance))
         inverse = np.linalg.inv(corner[:-1, :-1])[count:]
         covariance = variance * inverse @ inverse.T
-        if readings is not None:
+        if grain:
             estimator: FloatArray = np.zeros((n, residual.size))
             estimator[:, used] = inverse @ rows[count:, :-1].T
-            alike = np.zeros((readings.max() + 1, n))
-            np.add.at(alike, readings, lfilter(den, num, estimator[:, ::-1])[:, ::-1].T)
-            covariance += _rounded(rounding.grain, variance) * alike.T @ alike
+            alike = np.zeros((levels.max() + 1, n))
+            np.add.at(alike, levels, lfilter(den, num, estimator[:, ::-1])[:, ::-1].T)
+            covariance += _rounded(grain, variance) * alike.T @ alike
         shifts.append(inverse @ corner[:-1, -1] / size)
         covariances.append(covariance / np.outer(size, size))
     weights = np.exp(np.array(logarithms) - max(logarithms))

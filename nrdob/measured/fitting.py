@@ -132,11 +132,6 @@ class Fit:
         """Shape and linear coefficients in one array."""
         return np.concatenate([self.shape, self.linear])
 
-    @property
-    def count(self) -> int:
-        """How many of them there are."""
-        return self.structure.count(self.moving)
-
     def response(self, inputs: FloatArray) -> FloatArray:
         """Compute the output from `start` on."""
         return np.asarray(self._columns(self.shape, inputs) @ self.linear)
@@ -254,7 +249,9 @@ def _least(fits: Iterable[Fit], problem: Problem) -> Fit:
     whitening = problem.whitening(left)
     floor = (ROUNDING * np.ptp(problem.outputs)) ** 2
     misfit = np.mean(whitening.applied(left)[problem.used[fit.start :]] ** 2) + floor
-    return replace(fit, whitening=whitening.of_fit, misfit=float(misfit))
+    # A drift must not be fitted; without one the nearest response is looked for.
+    kept = whitening if whitening.theta < 1 else Whitening()
+    return replace(fit, whitening=kept, misfit=float(misfit))
 
 
 def _starting_points(

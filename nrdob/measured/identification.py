@@ -18,9 +18,9 @@ import numpy as np
 from ..diagram import DelayedTransferFunction
 from ..numerics import FloatArray, is_real
 from .choice import chosen, criterion, denied_sign, estimates, judge, weighed
-from .diagnostics import doubts
+from .diagnostics import LITTLE, doubts
 from .fitting import Problem, best_fit, simple_fit
-from .parameters import Parameter, corners_of, process_of
+from .parameters import CONFIDENCE, Parameter, corners_of, process_of
 from .records import Record, checked_record, resolution
 from .residuals import ResidualCheck, check_residuals
 from .structures import STRUCTURES, Structure
@@ -29,9 +29,6 @@ __all__ = ["Candidate", "Identification", "identified", "identify"]
 
 MOVES, LEAST = 0.1, 50
 """Share of the input's variance, and samples, that each part of a record must have."""
-
-LITTLE = 30.0
-"""Per cent of the output explained below which a process is doubtful."""
 
 
 @dataclass(frozen=True)
@@ -76,11 +73,9 @@ class Identification:
     structure : str
         What kind of process, in words.
     parameters : dict of str: Parameter
-        Its numbers, with standard errors and intervals.
+        Its numbers, with standard errors and intervals of 95 %.
     covariance : (n, n) array
         Of the parameters, in that order.
-    confidence : float
-        Of the intervals.
     fit_percent : float
         ``100 (1 - |y - model| / |y - mean of y|)`` in the part that was fitted first.
     validation_percent : float
@@ -113,7 +108,6 @@ class Identification:
     structure: str
     parameters: dict[str, Parameter]
     covariance: FloatArray
-    confidence: float
     fit_percent: float
     validation_percent: float
     residuals: ResidualCheck
@@ -137,7 +131,7 @@ class Identification:
             [
                 f"{self.structure}: fit {self.fit_percent:.1f} %, "
                 + ("nothing held out" if np.isnan(held) else f"held-out part {held:.1f} %"),
-                f"{'':18} {'value':>10} {'':6} {100 * self.confidence:9.3g} % interval",
+                f"{'':18} {'value':>10} {'':6} {100 * CONFIDENCE:9.3g} % interval",
                 *rows,
                 self.residuals.reason,
                 *self.remarks,
@@ -152,7 +146,6 @@ def identify(
     *,
     structure: str | None = None,
     held_out: float = 0.5,
-    confidence: float = 0.95,
 ) -> Identification:
     r"""Fit a process with dead time to a step or any other test signal.
 
@@ -179,8 +172,6 @@ def identify(
     held_out : float
         Share of the record, at its end, on which the process is tried before all of it is fitted;
         0 for none. None is held out, too, where the input does not move enough in both parts.
-    confidence : float
-        Of the intervals, between 0 and 1.
 
     Returns
     -------
@@ -208,21 +199,25 @@ def identify(
     [1.5, 2.0, 0.3]
     """
     record = checked_record(t, u, y)
-    for name, given, top in (("held_out", held_out, 0.9), ("confidence", confidence, 1.0)):
-        if not is_real(given):
-            raise TypeError(f"{name} is {given!r}; give a number, such as 0.5")
-        if not (0 <= given < top and (name == "held_out" or given > 0)):
-            raise ValueError(f"{name} is {given}; it must be between 0 and {top:g}")
+    if not is_real(held_out):
+        raise TypeError(f"held_out is {held_out!r}; give a number, such as 0.5")
+    if not 0 <= held_out < 0.9:
+        raise ValueError(f"held_out is {held_out}; it must be between 0 and 0.9")
     for remark in record.remarks:
         warnings.warn(remark, UserWarning, stacklevel=2)
-    return identified(record, _asked(structure), held_out, confidence)
+    structures: tuple[Structure, ...] = STRUCTURES
+    if structure is not None:
+        structures = tuple(each for each in STRUCTURES if each.name == structure)
+        if not structures:
+            names = "; ".join(each.name for each in STRUCTURES)
+            raise ValueError(f"structure is {structure!r}; choose one of: {names}")
+    return identified(record, structures, held_out)
 
 
 def identified(
     record: Record,
     structures: tuple[Structure, ...] = STRUCTURES,
     held_out: float = 0.5,
-    confidence: float = 0.95,
 ) -> Identification:
     """Do what `identify` does, for a record that was checked.
 
@@ -232,13 +227,8 @@ def identified(
         The record.
     structures : tuple of Structure
         Those that are tried.
-    held_out, confidence : float
+    held_out : float
         As for `identify`.
-
-    Returns
-    -------
-    Identification
-        The process and the evidence.
 
     Raises
     ------
@@ -263,14 +253,12 @@ def identified(
     leading = min((fit for each in begun for fit in each), key=lambda fit: criterion(fit, count))
     start = 0 if known else min(ceil(leading.shape[0]) + 1, count // 2)
     units = record.sampling_time, float(sizes[1] / sizes[0])
-    judged = [
-        judge(weighed(each, problem, start), whole, problem, units, confidence) for each in begun
-    ]
+    judged = [judge(weighed(each, problem, start), whole, problem, units) for each in begun]
     best, rivals, reason = chosen(judged, count)
     if count < outputs.size:  # what was held out has been foretold: now it counts, too
         problem, place = whole, judged.index(best)
         fit = weighed(begun[place], whole, start)
-        parameters, covariance = estimates(fit, whole, units, confidence)
+        parameters, covariance = estimates(fit, whole, units)
         best = replace(best, fit=fit, parameters=parameters, covariance=covariance)
         judged[place] = best
     fit = best.fit
@@ -310,7 +298,6 @@ def identified(
         structure=fit.structure.name,
         parameters=parameters,
         covariance=best.covariance,
-        confidence=confidence,
         fit_percent=best.fit_percent,
         validation_percent=best.validation,
         residuals=residuals,
@@ -324,15 +311,6 @@ def identified(
         predicted=sizes[1] * best.predicted + record.y[0],
         fitted=count,
     )  # fmt: skip
-
-
-def _asked(structure: str | None) -> tuple[Structure, ...]:
-    if structure is None:
-        return STRUCTURES
-    named = {each.name: each for each in STRUCTURES}
-    if structure not in named:
-        raise ValueError(f"structure is {structure!r}; choose one of: {'; '.join(named)}")
-    return (named[structure],)
 
 
 def _parted(record: Record, held_out: float) -> tuple[int, str]:

@@ -15,8 +15,9 @@ from .disturbance import Scatter
 from .fitting import Fit
 from .structures import Structure
 
-__all__ = ["Parameter", "corners_of", "process_of", "told"]
+__all__ = ["CONFIDENCE", "Parameter", "corners_of", "process_of", "told"]
 
+CONFIDENCE = 0.95  # of the intervals
 APART = 2.0  # standard errors by which a damping ratio must exceed 1 for two lags to be told apart
 NO_DELAY = 1e-6  # dead time, in samples, that is none
 STEP = 1e-6
@@ -32,7 +33,7 @@ class Parameter:
     value, unit, standard_error : float, str, float
         The estimate, and its standard deviation.
     low, high : float
-        Confidence interval.
+        Confidence interval of 95 %.
     """
 
     value: float
@@ -43,7 +44,7 @@ class Parameter:
 
 
 def told(
-    fit: Fit, scatter: Scatter, units: tuple[float, float], confidence: float
+    fit: Fit, scatter: Scatter, units: tuple[float, float]
 ) -> tuple[dict[str, Parameter], FloatArray]:
     """Give the numbers of a fit with intervals, and the covariance of these numbers.
 
@@ -70,7 +71,7 @@ def told(
     parameters = {}
     found = numbers(fit.unknowns).items()
     for (name, (value, unit)), error, slope in zip(found, errors, slopes, strict=True):
-        reach = scatter.reach(slope, confidence) if known else np.inf
+        reach = scatter.reach(slope, CONFIDENCE) if known else np.inf
         low = max(value - reach, 0.0) if name == "dead time" else value - reach
         parameters[name] = Parameter(value, unit, error, low, value + reach)
     return parameters, covariance

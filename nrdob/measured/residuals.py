@@ -23,12 +23,8 @@ from scipy.stats import chi2
 from ..numerics import FloatArray
 
 __all__ = [
-    "DECISIVE",
-    "ResidualCheck",
-    "Whitening",
-    "check_residuals",
-    "whitening_of",
-]
+    "DECISIVE", "ResidualCheck", "Whitening", "check_residuals", "products", "whitening_of",
+]  # fmt: skip
 
 LAGS, PER_LAG = 25, 8
 """Most lags looked at, and samples that each must have."""
@@ -38,7 +34,6 @@ UNLIKELY, DOUBTFUL = 0.01, 0.05
 
 NO_CHANCE = 0.001
 """Probability below which only that is said."""
-
 
 DRIFTS = (0.0, 1e-3, 3e-3, 6e-3, 0.01, 0.02, 0.03, 0.05, 0.08, 0.12, 0.18, 0.27, 0.4, 0.6, 1.0)
 """Values of 1 - θ among which the search begins."""
@@ -91,14 +86,6 @@ class Whitening:
         return (1 - self.theta) / sum(self.memory) * deviation * sqrt(count)
 
     @property
-    def of_fit(self) -> Whitening:
-        """The filter of a fit: a drift must not be fitted, but a mere memory does no harm.
-
-        Without drift the response that comes nearest is asked for, whatever the structure misses.
-        """
-        return self if self.theta < 1 else Whitening()
-
-    @property
     def taps(self) -> tuple[FloatArray, FloatArray]:
         """Numerator and denominator."""
         memory = np.array(self.memory)
@@ -132,10 +119,10 @@ def whitening_of(residual: FloatArray) -> Whitening:
         bounds=(DRIFTS[least - 1], DRIFTS[least + 1]), method="bounded", options={"maxiter": 12},
     ).x  # fmt: skip
     found = [drifting(float(drift)), drifting(DRIFTS[int(np.argmin(scores))]), Whitening()]
-    products = _products(residual, residual, ORDER + 1)
-    if products[0] > 0:
+    own = products(residual, residual, ORDER + 1)
+    if own[0] > 0:
         for order in range(1, min(ORDER, count // PER_LAG) + 1):
-            a = solve_toeplitz(products[:order], products[1 : order + 1])
+            a = solve_toeplitz(own[:order], own[1 : order + 1])
             if 1 - float(a.sum()) > LONGEST / count:  # one that lasts as long as the record drifts
                 found.append(Whitening((1.0, *(-a).tolist())))
     return min(found, key=left)
@@ -153,8 +140,6 @@ class ResidualCheck:
         Whether nothing of the input is left in it; None where the input is too poor to tell.
     independence : float
         Probability of correlations with the input as large as these by chance; nan for None.
-    standard_deviation : float
-        Of the residual, in units of y.
     reason : str
         In words.
     """
@@ -162,7 +147,6 @@ class ResidualCheck:
     white: bool
     independent: bool | None
     independence: float
-    standard_deviation: float
     reason: str
 
     def __repr__(self) -> str:
@@ -191,8 +175,7 @@ def check_residuals(residual: FloatArray, inputs: FloatArray, fitted: int) -> Re
             f"It still follows the input ({_told(independence)}): the plant does something that "
             "this structure cannot, and the intervals do not cover that."
         )
-    spread = float(np.sqrt(np.mean(residual**2)))
-    return ResidualCheck(white, independent, independence, spread, " ".join(said))
+    return ResidualCheck(white, independent, independence, " ".join(said))
 
 
 def _told(chance: float) -> str:
@@ -204,7 +187,7 @@ def _whiteness(residual: FloatArray) -> float:
     """Chance of correlations as large as these if the residual were white (Ljung and Box)."""
     count = residual.size
     most = max(1, min(LAGS, count // PER_LAG))
-    power, *others = _products(residual, residual, most + 1)
+    power, *others = products(residual, residual, most + 1)
     if power == 0:
         return 1.0
     terms = (np.array(others) / power) ** 2 / (count - np.arange(1, most + 1))
@@ -216,7 +199,7 @@ def _independence(e: FloatArray, inputs: FloatArray, fitted: int) -> float:
     lags = max(1, min(LAGS, e.size // PER_LAG))
     x = inputs - inputs.mean()
     power = float(np.mean(e**2))
-    own = _products(x, x, lags)
+    own = products(x, x, lags)
     if power == 0 or own[0] <= 0:
         return 1.0 if power == 0 else float("nan")
     index = np.abs(np.subtract.outer(np.arange(lags), np.arange(lags)))
@@ -225,12 +208,12 @@ def _independence(e: FloatArray, inputs: FloatArray, fitted: int) -> float:
     freedom = int(seen.sum()) - fitted
     if freedom < 1:
         return float("nan")
-    parts = vectors[:, seen].T @ _products(e, x, lags)
+    parts = vectors[:, seen].T @ products(e, x, lags)
     statistic = e.size * float(np.sum(parts**2 / values[seen])) / (power * own[0])
     return float(chi2.sf(statistic, freedom))
 
 
-def _products(later: FloatArray, earlier: FloatArray, lags: int) -> FloatArray:
+def products(later: FloatArray, earlier: FloatArray, lags: int) -> FloatArray:
     """Mean of later(k) earlier(k - lag), for lags from 0 on."""
     count = later.size
     return np.array([later[k:] @ earlier[: count - k] for k in range(lags)]) / count

@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 
 from ..numerics import FloatArray, is_real
-from .columns import Choice, checked_columns, chosen, unit_of_time
+from .columns import Choice, checked_columns, chosen
 from .parsing import UNITS, is_moment, number_in, seconds_in, short
 from .records import Record, checked_record
 from .textfiles import Sheet, read_sheet
@@ -97,7 +97,8 @@ def read_data(
     choice = chosen(heads, asked, sampling_time is None, table)
     _check_widths(sheet, len(heads))
     u, y = (_numbers(sheet, what, choice.order[what]) for what in ("u", "y"))
-    if choice.remarks and _changes(u) > SWAPPED * _changes(y):
+    moves_of_u, moves_of_y = (np.count_nonzero(np.diff(values)) for values in (u, y))
+    if choice.remarks and moves_of_u > SWAPPED * moves_of_y:
         raise ValueError(
             f"the headings of {short(path.name)} do not say which column is u and which is y, and "
             "in the order t, u, y the input would move at most samples and the output hardly "
@@ -215,7 +216,7 @@ def _times(sheet: Sheet, choice: Choice) -> tuple[FloatArray, tuple[str, ...]]:
     unit = choice.unit or below.strip(" []()").lower()
     if not unit:
         return _without_unit(times, sheet.heads[column] if sheet.heads else "")
-    seconds = unit_of_time(unit)
+    seconds = UNITS.get(unit.lower())
     if seconds is None:
         raise ValueError(
             f"t is in {short(unit)!r}, which is no unit of time that is known: give one of "
@@ -244,7 +245,3 @@ def _without_unit(times: FloatArray, head: str) -> tuple[FloatArray, tuple[str, 
                 f'"{short(head) or 1} [{guess}]"}})'
             )
     return times, ("no unit of time is named; seconds were taken",)
-
-
-def _changes(values: FloatArray) -> int:
-    return int(np.count_nonzero(np.diff(values)))

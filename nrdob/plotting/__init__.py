@@ -5,7 +5,7 @@
 
 from .alttext import complex_number, frequency, spoken, turns
 from .bodeplot import bode_plot
-from .chartplot import chart_plot
+from .chartplot import MapAxis, chart_plot, map_plot
 from .explorer import Explorer, Slider
 from .figure import (
     COLOURS,
@@ -20,7 +20,6 @@ from .figure import (
     missing,
     styled,
 )
-from .mapplot import MapAxis, map_plot
 from .nyquistplot import nyquist_plot
 from .stepplot import step_plot
 from .winding import winding_animation, winding_plot

@@ -81,13 +81,15 @@ class Figure(ct.ControlPlot):  # type: ignore[misc]
         What was drawn, and where.
     alt : str
         Alt text: the facts that the figure shows.
+    svg : str
+        Is shown in place of the drawing where SVG can be: an animation.
     """
 
-    def __init__(self, lines: Any, axes: Any, alt: str) -> None:
+    def __init__(self, lines: Any, axes: Any, alt: str, svg: str = "") -> None:
         shaped = np.atleast_2d(axes)
         # The figure of a subfigure's axes is the whole one.
         super().__init__(lines, shaped, shaped[0, 0].figure.figure)
-        self.alt = alt
+        self.alt, self.svg = alt, svg
 
     def __repr__(self) -> str:
         return self.alt
@@ -104,6 +106,8 @@ class Figure(ct.ControlPlot):  # type: ignore[misc]
     def _repr_mimebundle_(self, **_: Any) -> tuple[dict[str, Any], dict[str, Any]]:
         width, height = (round(float(PIXELS * inches)) for inches in self.figure.get_size_inches())
         data = {"image/png": self.png(), "text/plain": self.alt}
+        if self.svg:
+            data["image/svg+xml"] = self.svg
         # Left open, the inline backend would show the figure a second time; a window stays.
         if self.figure.canvas.required_interactive_framework is None:
             plt.close(self.figure)

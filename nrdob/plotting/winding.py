@@ -63,19 +63,7 @@ def winding_animation(zeros: Sequence[complex], poles: Sequence[complex]) -> Fig
     whole = round(float(_swept(f)[-1]))
     many = f"{whole} clockwise encirclement{'s' * (whole != 1)}"
     alt = f"The walk as an animation; in all f makes {many} of 0"
-    return _Animation(axes, alt, _svg(zeros, poles))
-
-
-class _Animation(Figure):
-    """A figure that moves where SVG does, and else rests."""
-
-    def __init__(self, axes: Any, alt: str, svg: str) -> None:
-        super().__init__([], axes, alt)
-        self.svg = svg
-
-    def _repr_mimebundle_(self, **_: Any) -> tuple[dict[str, Any], dict[str, Any]]:
-        data, metadata = super()._repr_mimebundle_()
-        return data | {"image/svg+xml": self.svg}, metadata
+    return Figure([], axes, alt, _svg(zeros, poles))
 
 
 def _rational(zeros: Sequence[complex], poles: Sequence[complex]) -> ComplexArray:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from math import log10
+from operator import itemgetter
 from typing import Any
 
 import control as ct
@@ -10,7 +11,7 @@ import numpy as np
 from scipy.optimize import brentq
 
 from ..design import admissible_time_constants, design_controller, design_filter
-from ..diagram import FilterFamily, LowPassFilter, as_fraction
+from ..diagram import FilterFamily, LowPassFilter, as_fraction, filter_fraction, undelayed
 from ..loop import NRDOB
 from ..numerics import number
 
@@ -29,15 +30,14 @@ RELAXED = (1.0, 1.2, 1.5, 2.0, 3.0, 5.0)  # times the peak aimed at that are tri
 
 def slowest_lag(process: Any) -> float:
     """Largest time constant of poles and zeros, in seconds; 0 where there is none."""
-    fraction = as_fraction(getattr(process, "tf", process), "process", proper=False)
-    roots = np.concatenate([np.roots(part) for part in fraction])
-    sizes = np.abs(roots[np.abs(roots) > ORIGIN * np.abs(roots).max(initial=0.0)])
-    return float(max(1 / sizes, default=0.0))
+    fraction = as_fraction(undelayed(process)[0], "process", proper=False)
+    sizes = np.abs(np.concatenate([np.roots(part) for part in fraction]))
+    return float(max(1 / sizes[sizes > ORIGIN * sizes.max(initial=0.0)], default=0.0))
 
 
 def _slowest(process: Any) -> float:
     """Largest time constant, dead time included, in seconds; 1 where there is none."""
-    return max(slowest_lag(process), getattr(process, "delay", 0.0)) or 1.0
+    return max(slowest_lag(process), undelayed(process)[1]) or 1.0
 
 
 def filter_for(
@@ -86,13 +86,13 @@ def _by_noise(
     slow = _slowest(process)
     longest = admissible_time_constants(process, model, family, max_ms=max_ms)[0][1]
     omega = np.geomspace(1e-4, 1e6, 2000) / slow
-    Gm = as_fraction(getattr(model, "tf", model), "model")
+    Gm = as_fraction(undelayed(model)[0], "model")
     inverse = np.abs(np.polyval(Gm.den, 1j * omega) / np.polyval(Gm.num, 1j * omega))
     allowed = NOISE_GAIN * abs(Gm.den[-1] / Gm.num[-1])
 
     def excess(exponent: float) -> float:
         tried = filter_at(family, 10**exponent)
-        F = as_fraction(getattr(tried, "tf", tried), "filter")
+        F = filter_fraction(tried)
         passed = inverse * np.abs(np.polyval(F.num, 1j * omega) / np.polyval(F.den, 1j * omega))
         return float(log10(passed.max() / allowed))
 
@@ -120,11 +120,11 @@ def controller_for(
     model: Any, filter: Any, calm: bool = False
 ) -> tuple[ct.TransferFunction | None, str]:
     """Design a calm PI by its phase margin or the observer's bandwidth; if none is, the calmest."""
-    undelayed = getattr(model, "tf", model)
+    prompt = undelayed(model)[0]
     speed = (
         1 / (filter.order * filter.time_constant)
         if isinstance(filter, LowPassFilter)
-        else 1 / _slowest(undelayed)
+        else 1 / _slowest(prompt)
     )
     asked: list[tuple[float | None, float]] = [] if calm else [(None, MARGINS[0])]
     asked += [(share * speed, margin) for margin in MARGINS for share in SPEEDS]
@@ -133,7 +133,7 @@ def controller_for(
         for bandwidth, margin in asked:
             try:
                 found = design_controller(
-                    undelayed, bandwidth=bandwidth, phase_margin=margin, max_ms=limit
+                    prompt, bandwidth=bandwidth, phase_margin=margin, max_ms=limit
                 )
             except ValueError:
                 continue
@@ -143,12 +143,12 @@ def controller_for(
                 else f"designed for a crossover at {number(bandwidth)} rad/s, near the bandwidth "
                 f"of the observer, with a phase margin of {margin:g}° on the model"
             )
-            ms = NRDOB(undelayed, undelayed, found, filter).margins().model_loop.ms
-            lowered = limit is not None and bandwidth is None and ms > (1 - 1e-3) * limit
-            calmed = f"; its gain is lowered until the sensitivity peaks at {CALM:g}"
-            tried.append((ms, found, f"Controller: {how}{calmed if lowered else ''}."))
+            ms = NRDOB(prompt, prompt, found, filter).margins().model_loop.ms
             if limit is not None:
-                return tried[0][1:]
+                if bandwidth is None and ms > (1 - 1e-3) * limit:
+                    how += f"; its gain is lowered until the sensitivity peaks at {CALM:g}"
+                return found, f"Controller: {how}."
+            tried.append((ms, found, f"Controller: {how}."))
     if tried:
-        return min(tried, key=lambda each: each[0])[1:]
+        return min(tried, key=itemgetter(0))[1:]
     return None, "Controller: none of I, PI and PID was found that stabilises this model."

@@ -45,7 +45,7 @@ def _process(found: Identification) -> Section:
     )
     misses = "The model misses something that the input does: trust its intervals with care."
     warnings = (misses,) if found.residuals.independent is False else ()
-    head = ("", "value", "unit", f"{number(100 * found.confidence)} % interval")
+    head = ("", "value", "unit", "95 % interval")
     table = Table("What was found, in seconds and the units of the file", head, rows)
     return Section("The process behind it", words, (table,), (), warnings)
 

@@ -10,7 +10,7 @@ import control as ct
 import numpy as np
 
 from ..design import ModelCandidate, stable_model_exists, suggest_model
-from ..diagram import FilterFamily, as_fraction, interpolating_filter, undelayed
+from ..diagram import FilterFamily, as_fraction, filter_fraction, interpolating_filter, undelayed
 from ..loop import NRDOB
 from ..measured import Identification
 from ..numerics import number
@@ -152,7 +152,7 @@ class _Base:
 
 def _lowest(model: Any) -> int:
     """Lowest order of a filter with which the inverse of a model is causal."""
-    return max(1, as_fraction(getattr(model, "tf", model), "model").relative_degree)
+    return max(1, as_fraction(undelayed(model)[0], "model").relative_degree)
 
 
 def _completed(base: _Base, time_constant: float | None, calm: bool = False) -> Proposal:
@@ -217,8 +217,8 @@ def _others(
     """Give loops with other models, then slower ones with the same."""
     for other in others:
         yield "the model does not resonate", _completed(other, None, calm=True)
-    den = as_fraction(getattr(filter, "tf", filter), "filter").den  # (λs + 1)^n, but for a factor
-    fastest = float(abs(den[0] / den[-1]) ** (1 / (len(den) - 1)))
+    den = filter_fraction(filter).den  # (λs + 1)^n
+    fastest = float(abs(den[0]) ** (1 / (len(den) - 1)))
     for factor in SLOWER:
         slower = _completed(base, factor * fastest, calm=True)
         words = tuple(
@@ -230,7 +230,7 @@ def _others(
 
 def _without_resonances(process: Any) -> ct.TransferFunction | None:
     """Give the process without dead time and with critical damping; None if nothing resonates."""
-    fraction = as_fraction(getattr(process, "tf", process), "process", proper=False)
+    fraction = as_fraction(undelayed(process)[0], "process", proper=False)
     parts = []
     for part in fraction:
         roots = np.roots(part)

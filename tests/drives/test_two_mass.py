@@ -5,7 +5,6 @@ import numpy as np
 import pytest
 
 import nrdob
-from nrdob.alternatives import controller_alone
 from nrdob.drives import OneMass, TwoMasses
 
 DRIVE = TwoMasses(1e-3, 4e-3, 10.0)
@@ -37,28 +36,6 @@ def test_as_a_model_it_moves_the_resonance_below_the_bandwidth():
     assert np.abs(bare / wanted - 1).max() > 0.5
 
 
-def test_a_notch_cancels_the_resonance():
-    drive = TwoMasses(1e-3, 4e-3, 10.0, 2e-3)
-    notch = drive.notch(0.7)
-    zeros, poles = notch.zeros(), drive.speed().poles()
-    for zero in zeros:
-        assert np.abs(poles - zero).min() < 1e-9 * abs(zero)
-    assert notch.dcgain() == pytest.approx(1.0)
-    assert abs(notch(1j * drive.resonance)) < 0.1
-
-
-def test_a_notch_saves_a_pi_loop_and_is_nothing_to_the_observers_plant_loop():
-    drive, s = TwoMasses(1e-3, 4e-3, 10.0, 2e-3), ct.tf("s")
-    plant = nrdob.delay(0.008) * drive.speed(0.01)
-    plain = 0.2 * (1 + 5 / s)
-    both = plain, plain * drive.notch(0.7)
-    alone = [controller_alone(plant, drive.speed(0.01), C).stability().stable for C in both]
-    assert alone == [False, True]
-    model, filter = drive.speed(0.01), nrdob.LowPassFilter(0.05, 1)
-    peaks = [nrdob.NRDOB(plant, model, C, filter).margins().plant_loop.ms for C in both]
-    assert peaks[0] == pytest.approx(peaks[1], rel=1e-9)
-
-
 @pytest.mark.parametrize(
     ("given", "message"),
     [
@@ -82,5 +59,3 @@ def test_other_numbers_that_cannot_be_are_named():
         OneMass("heavy")
     with pytest.raises(ValueError, match=r"ratio is 1; give one above 1, such as 5\*\*0.5"):
         DRIVE.with_resonance_ratio(1.0)
-    with pytest.raises(ValueError, match="width is 0"):
-        DRIVE.notch(0.0)

@@ -7,7 +7,7 @@ from scipy.stats import chi2
 
 import nrdob
 from nrdob.measured import STRUCTURES, checked_record, identified, identify
-from nrdob.measured.disturbance import HYPOTHESES, Rounding, scatter_of
+from nrdob.measured.disturbance import HYPOTHESES, scatter_of
 from nrdob.measured.residuals import check_residuals, whitening_of
 from nrdob.reporting import propose
 from tests.campaigns.identification import response, thermal
@@ -52,7 +52,7 @@ def test_a_filter_and_what_it_foretells_are_each_others_inverse():
 def test_a_fit_that_leaves_nothing_leaves_nothing_of_the_input():
     found = check_residuals(np.zeros(400), switched(), 3)
     assert found.white and found.independent is True
-    assert found.independence == 1.0 and found.standard_deviation == 0.0
+    assert found.independence == 1.0
 
 
 def test_an_input_just_rich_enough_tells_what_is_left_of_it_and_one_lag_fewer_does_not():
@@ -124,7 +124,7 @@ def test_scatter_is_that_of_generalised_least_squares():
     shift = gram @ jacobian.T @ inverse @ residual
     rest = residual - jacobian @ shift
     variance = rest @ inverse @ rest / 117
-    found = scatter_of(residual, jacobian, np.ones(120, dtype=bool), Rounding(0.0, residual))
+    found = scatter_of(residual, jacobian, np.ones(120, dtype=bool), residual, 0.0)
     _, walks, smooth = HYPOTHESES  # noise of long memory is left out of so short a record
     k = walks.index((1, 1.0, zero)) - len(walks) - len(smooth)
     assert found.shifts[k] == pytest.approx(shift, rel=1e-6)
@@ -145,7 +145,7 @@ def test_intervals_hold_the_gain_while_a_slow_wave_passes():
         residual = wave + walk + rng.standard_normal(400)
         estimate = np.linalg.lstsq(jacobian, residual, rcond=None)[0]
         rest = residual - jacobian @ estimate
-        scatter = scatter_of(rest, jacobian, np.ones(400, dtype=bool), Rounding(0.0, rest))
+        scatter = scatter_of(rest, jacobian, np.ones(400, dtype=bool), rest, 0.0)
         held += abs(estimate[0]) < scatter.reach(np.eye(3)[0], 0.95)
     assert held >= 53
 
