@@ -41,9 +41,12 @@ class Judged:
     covariance: FloatArray
 
     def vague(self, duration: float) -> bool:
-        """Whether the gain may be zero, or a lag lasts longer than the record."""
+        """Whether the gain may be zero, or a lag lasts longer than the record.
+
+        So does an integrator whose zero hides it: what it adds is no more than a drift.
+        """
         gain = self.parameters["gain"]
-        return gain.low <= 0 <= gain.high or self.fit.structure.slowest(self.fit.shape) > duration
+        return gain.low <= 0 <= gain.high or self.fit.slowest > duration
 
 
 def criterion(fit: Fit, samples: float) -> float:

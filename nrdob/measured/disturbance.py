@@ -28,6 +28,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from itertools import chain
 from math import exp, pi, sqrt
+from typing import NamedTuple
 
 import numpy as np
 from scipy.optimize import brentq
@@ -50,19 +51,34 @@ LEAST = 0.02
 SMOOTH = SHARES[1:8]
 """The same for a drift that goes on in its direction."""
 
+WAVES, PERIODS = (6.0, 60.0, 600.0), (0.5, 1.0, 1.5)
+"""Sizes of each part of the wave beside a random walk, over e, and how many periods it makes."""
+
+
+class Hypothesis(NamedTuple):
+    """Order m, φ and θ, and the size of the wave beside it."""
+
+    order: int
+    pole: float
+    zero: float
+    wave: float = 0.0
+
+
 HYPOTHESES = (
-    [(1, 0.0, 0.0), (1, -0.3, 0.0), (1, -0.6, 0.0)]
-    + [(1, pole, pole * (1 - far)) for pole in COLOURED for far in SHARES if pole * far > LEAST],
-    [(1, 1.0, 1 - far) for far in SHARES],
-    [(2, 1.0, 1 - far) for far in SMOOTH],
+    [Hypothesis(1, pole, 0.0) for pole in (0.0, -0.3, -0.6)]
+    + [
+        Hypothesis(1, pole, pole * (1 - far))
+        for pole in COLOURED
+        for far in SHARES
+        if pole * far > LEAST
+    ],
+    [Hypothesis(1, 1.0, 1 - far, size) for far in SHARES for size in WAVES],
+    [Hypothesis(2, 1.0, 1 - far) for far in SMOOTH],
 )
-"""Order m, φ and θ: of noise, of a random walk, of a smooth drift."""
+"""Noise, random walks and smooth drifts."""
 
 FORGOTTEN = 20
 """How often noise must have forgotten itself in a record; what remembers longer is a drift."""
-
-WAVE = 6.0, (0.5, 1.0, 1.5)
-"""Size of each part of the wave beside a random walk, over e, and how many periods it makes."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -131,12 +147,12 @@ def scatter_of(
     levels = np.unique(readings, return_inverse=True)[1]
     logarithms, shifts, covariances = [], [], []
     kinds = [
-        [each for each in kind if each[1] == 1 or (1 - each[1]) * residual.size > FORGOTTEN]
+        [each for each in kind if each.pole == 1 or (1 - each.pole) * residual.size > FORGOTTEN]
         for kind in HYPOTHESES
     ]
-    for order, pole, zero in chain(*kinds):
-        den, num = (np.poly([root] * order) for root in (pole, zero))
-        beside = _beside(order, pole, zero, residual.size)
+    for each in chain(*kinds):
+        den, num = (np.poly([root] * each.order) for root in (each.pole, each.zero))
+        beside = _beside(each, residual.size)
         count = len(beside)
         white = lfilter(den, num, np.column_stack([*beside, scaled, residual]), axis=0)[used]
         rows, corner = np.linalg.qr(np.vstack([np.eye(count, count + n + 1), white]))
@@ -159,15 +175,15 @@ def scatter_of(
     return Scatter(weights / weights.sum(), np.array(shifts), np.array(covariances), freedom)
 
 
-def _beside(order: int, pole: float, zero: float, samples: int) -> list[FloatArray]:
+def _beside(disturbance: Hypothesis, samples: int) -> list[FloatArray]:
     """List what enters the output beside filtered noise; the size of each varies as e does."""
+    order, pole, zero, size = disturbance
     times = np.arange(samples)
     if pole < 1:  # what the noise remembers from before the record
         return [abs(pole - zero) / sqrt(1 - pole**2) * pole**times]
     if order > 1:  # the slope of the drift as the record begins
         return [sqrt(samples) * (1 - zero) ** 2 * times]
-    size, periods = WAVE
-    angles = [2 * pi * each * times / samples for each in periods]
+    angles = [2 * pi * each * times / samples for each in PERIODS]
     return [size * part(angle) for angle in angles for part in (np.sin, np.cos)]
 
 

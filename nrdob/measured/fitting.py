@@ -132,6 +132,14 @@ class Fit:
         """Shape and linear coefficients in one array."""
         return np.concatenate([self.shape, self.linear])
 
+    @property
+    def slowest(self) -> float:
+        """Longest lag in samples, or inverse frequency; the lead of a zero beside an integrator."""
+        lead = 0.0
+        if self.structure.integrates and self.structure.zero:
+            lead = abs(float(self.linear[1] / self.linear[0])) if self.linear[0] else np.inf
+        return max(self.structure.slowest(self.shape), lead)
+
     def response(self, inputs: FloatArray) -> FloatArray:
         """Compute the output from `start` on."""
         return np.asarray(self._columns(self.shape, inputs) @ self.linear)
@@ -269,9 +277,9 @@ def _starting_points(
     found.sort(key=lambda each: each[0])
     kept: list[FloatArray] = []
     for _, shape in found:
-        if all(np.abs(shape - other).max() > 1.0 for other in kept):
+        if len(kept) < TRIES and all(np.abs(shape - other).max() > 1.0 for other in kept):
             kept.append(shape)
-    return kept[:TRIES]
+    return kept
 
 
 def _valleys(misfit: FloatArray) -> list[int]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -179,14 +180,33 @@ def thermal(kind: str, rng: np.random.Generator) -> Measured:
     return Measured(STRUCTURES[3 if fast else 1], truth, step * np.arange(count), u, y)
 
 
-def heaters(count: int, seed: int) -> dict[str, int]:
+def under_a_wave(kind: str, rng: np.random.Generator) -> Measured:
+    """One lag under a slow wave alone, with hardly any noise: no walk, no rounding."""
+    count = int(rng.integers(300, 900))
+    slow = float(rng.uniform(0.06, 0.2) * count)
+    delay = float(rng.uniform(0.0, 0.2) * slow)
+    gain = float(np.exp(rng.uniform(-3, 1)) * rng.choice([-1, 1]))
+    u = np.zeros(count)
+    for since, level in STEPS[kind]:
+        u[round(since * count) :] = 50 * level
+    wave = np.sin(2 * np.pi * (rng.uniform(0.3, 2.0) * np.arange(count) / count + rng.random()))
+    drift = rng.uniform(0.005, 0.03) * (wave - wave[0])
+    clean = response(np.array([1.0, 1 / slow]), np.array([gain / slow]), delay, u)
+    y = 20.0 + clean + 50 * abs(gain) * (drift + 1e-4 * rng.standard_normal(count))
+    truth = {"gain": gain, "dead time": delay, "lag": slow}
+    return Measured(STRUCTURES[1], truth, 1.0 * np.arange(count), u, y)
+
+
+def heaters(
+    count: int, seed: int, plant: Callable[..., Measured] = thermal, name: str = ""
+) -> dict[str, int]:
     """How often the sign is right on thermal plants, and the gain, and the interval of the gain."""
     tally: dict[str, int] = {}
     counts = "wrong sign", "sign left open", "gain off by over a quarter"
     for kind in STEPS:
         found = dict.fromkeys([*counts, "held", "true structure", "held with it"], 0)
         for case in range(count):
-            true = thermal(kind, np.random.default_rng([seed, case, len(kind)]))
+            true = plant(kind, np.random.default_rng([seed, case, len(kind)]))
             told = identify(true.t, true.u, true.y)
             gain, sign = told.parameters["gain"], np.sign(true.truth["gain"])
             open_sign = gain.low <= 0 <= gain.high
@@ -200,14 +220,15 @@ def heaters(count: int, seed: int) -> dict[str, int]:
             right = told.structure == true.structure.name
             found["true structure"] += right
             found["held with it"] += right and held
-        tally |= {f"{kind}: records": count} | {f"{kind}: {k}": int(v) for k, v in found.items()}
+        tally |= {f"{name}{kind}: {k}": int(v) for k, v in [("records", count), *found.items()]}
     return tally
 
 
-def both(count: int, seed: int) -> dict[str, int]:
+def every(count: int, seed: int) -> dict[str, int]:
     """Intervals on records without drift, and signs on thermal plants with it."""
-    return coverage(count, seed) | heaters(count, seed)
+    waves = heaters(count, seed, under_a_wave, "a wave alone, ")
+    return coverage(count, seed) | heaters(count, seed) | waves
 
 
 if __name__ == "__main__":
-    print_tally(both, __doc__ or "", 30)
+    print_tally(every, __doc__ or "", 30)

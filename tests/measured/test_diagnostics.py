@@ -10,7 +10,7 @@ from nrdob.measured import STRUCTURES, checked_record, identified, identify
 from nrdob.measured.disturbance import HYPOTHESES, scatter_of
 from nrdob.measured.residuals import check_residuals, whitening_of
 from nrdob.reporting import propose
-from tests.campaigns.identification import response, thermal
+from tests.campaigns.identification import response, thermal, under_a_wave
 
 ONE_LAG = "one lag with dead time"
 
@@ -126,7 +126,7 @@ def test_scatter_is_that_of_generalised_least_squares():
     variance = rest @ inverse @ rest / 117
     found = scatter_of(residual, jacobian, np.ones(120, dtype=bool), residual, 0.0)
     _, walks, smooth = HYPOTHESES  # noise of long memory is left out of so short a record
-    k = walks.index((1, 1.0, zero)) - len(walks) - len(smooth)
+    k = walks.index((1, 1.0, zero, 6.0)) - len(walks) - len(smooth)
     assert found.shifts[k] == pytest.approx(shift, rel=1e-6)
     assert found.covariances[k] == pytest.approx(variance * gram, rel=1e-6)
     assert found.weights.sum() == pytest.approx(1) and found.weights[k] > 1e-3
