@@ -61,7 +61,7 @@ def sample_times(
 
 
 def _common_length(signals: Mapping[str, Any]) -> int:
-    lengths = {name: np.shape(signal)[0] for name, signal in signals.items()
+    lengths: dict[str, int] = {name: np.shape(signal)[0] for name, signal in signals.items()
                if not callable(signal) and np.ndim(signal) == 1}  # fmt: skip
     if not lengths:
         raise ValueError(
