@@ -338,7 +338,7 @@ def _characteristic(A: Whole, bits: int) -> list[int]:
     order = len(A)
     coefficients = [1 << bits]
     identity = np.eye(order, dtype=int).astype(object)
-    M = identity << bits
+    M = identity * (1 << bits)
     for k in range(1, order + 1):
         AM = _times(A, M, bits)
         coefficients.append(-int(np.trace(AM)) // k)
@@ -355,7 +355,8 @@ def _held(given: _Given, share: Exact, bits: int) -> tuple[Whole, Whole]:
     halvings = (time.numerator // time.denominator).bit_length() + STEPS
     step = _fixed(time / 2**halvings, bits)
     a = np.array([_fixed(x, bits) for x in given.a], dtype=object)
-    term = Ad = np.eye(n, dtype=int).astype(object) << bits
+    term: Whole = np.eye(n, dtype=int).astype(object) * (1 << bits)
+    Ad = term
     held, k = np.zeros(n, dtype=object), 0
     while term.any():
         k += 1

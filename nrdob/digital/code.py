@@ -138,7 +138,7 @@ class ControllerCode:
     def _in_c(self, template: str, name: str, dtype: str) -> str:
         if dtype not in DTYPES:
             raise ValueError(f"dtype is {dtype!r}; choose one of {', '.join(DTYPES)}")
-        number = _double if dtype == "double" else _float
+        number = repr if dtype == "double" else _float
         return self._written(template, name, number, C_CALLS, dtype=dtype, largest=DTYPES[dtype])
 
     def to_python(self, name: str = "Controller") -> str:
@@ -242,11 +242,6 @@ def _environment() -> Environment:
         keep_trailing_newline=True,
         autoescape=False,
     )
-
-
-def _double(value: float) -> str:
-    """Write a number in C so that nothing of it is lost."""
-    return repr(float(value))
 
 
 def _float(value: float) -> str:
