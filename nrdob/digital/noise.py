@@ -29,7 +29,7 @@ SAME_DT = 1e-9  # relative difference of two sampling times that are meant to be
 def sampled_noise_variance(loop: ClosedLoop, dt: float, shaping: Any = None) -> NoiseVariance:
     r"""Compute the variances of y and u at the samples: see `SampledLoop.noise_variance`."""
     A, B, C, D = loop.from_noise
-    if (size := _radius(A)) >= STABLE:
+    if (size := loop.spectral_radius) >= STABLE:
         raise ValueError(
             f"the variances are infinite: the sampled loop has a root of size {size:.6g}; all must "
             "be inside the unit circle, see stability()"
@@ -74,13 +74,9 @@ def _shaping(shaping: Any, dt: float) -> Any:
             f"discrete-time block with dt = {dt:g}"
         )
     system = ct.ss(shaping)
-    if (size := _radius(system.A)) >= STABLE:
+    if (size := np.abs(system.poles()).max(initial=0.0)) >= STABLE:
         raise ValueError(
             f"shaping has a pole of size {size:.6g}: behind it noise has no finite "
             "power; every pole must be inside the unit circle"
         )
     return system
-
-
-def _radius(A: FloatArray) -> float:
-    return float(np.abs(np.linalg.eigvals(A)).max(initial=0.0))

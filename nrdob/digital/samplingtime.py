@@ -75,7 +75,7 @@ def largest_sampling_time(
             sampled = SampledLoop(loop, dt, method, computation_delay)
         except ValueError:  # "zoh" where it is unsound
             return inf
-        return float(np.abs(np.linalg.eigvals(sampled.closed_loop.A)).max()) - 1
+        return sampled.closed_loop.spectral_radius - 1
 
     longest = max(loop.delay + computation_delay, loop.model_delay)
     bracket = _first_unstable(excess, _times(loop, longest))
