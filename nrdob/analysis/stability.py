@@ -202,8 +202,10 @@ def stability(loop: LoopEquations) -> Stability:
         failing = [f"{part.name}: {part.reason}" for part in both if part.stable is verdict]
         if failing:
             return Stability(verdict, "; ".join(failing), model_loop, observer_loop, loop)
-    reason = f"p_A and p_B have all roots in the left half plane, {_by(*both)}"
-    return Stability(True, _with(reason, _cancelled(loop)), model_loop, observer_loop, loop)
+    first, second = (_written(part.ways) for part in both)
+    ways = first if first == second else f"p_A {first}, p_B {second}"
+    reason = f"p_A and p_B have all roots in the left half plane, {ways}{_cancelled(loop)}"
+    return Stability(True, reason, model_loop, observer_loop, loop)
 
 
 def judge_observer(
@@ -248,7 +250,7 @@ def observer_stability(loop: ObserverEquations | LoopEquations) -> LoopStability
     reason = found.reason
     if reason == AT_ORIGIN:
         reason = f"{AT_ORIGIN}, {_held_at_origin(loop)}"
-    return replace(found, reason=_with(reason, _cancelled(loop)))
+    return replace(found, reason=reason + _cancelled(loop))
 
 
 def _held_at_origin(loop: ObserverEquations | LoopEquations) -> str:
@@ -276,7 +278,7 @@ def _held_at_origin(loop: ObserverEquations | LoopEquations) -> str:
 
 
 def _cancelled(loop: ObserverEquations | LoopEquations) -> str:
-    """Name what has cancelled inside a block, and what of it rests on rounding."""
+    """Name, after a reason, what has cancelled inside a block, and what rests on rounding."""
     notes = []
     waits = loop.model_delay > 0
     prediction = "(1-F exp(-θm s))Gm0" if waits else "(1-F)Gm"
@@ -287,8 +289,8 @@ def _cancelled(loop: ObserverEquations | LoopEquations) -> str:
                 note += ", which takes a memory of length θm, not a difference of two integrators"
             if (fragile := unstable_roots(common)).size:
                 note += f", {_named(fragile)} to rounding only: build {block} as one"
-            notes.append(note)
-    return "; ".join(notes)
+            notes.append(f"; {note}")
+    return "".join(notes)
 
 
 def _named(roots: ComplexArray) -> str:
@@ -296,10 +298,6 @@ def _named(roots: ComplexArray) -> str:
     upper = roots[roots.imag >= 0].tolist()
     named = list(dict.fromkeys(written(root).replace("+", "±") for root in upper))
     return f"s = {', '.join(named)} {'cancels' if len(named) == 1 else 'cancel'}"
-
-
-def _with(reason: str, note: str) -> str:
-    return f"{reason}; {note}" if note else reason
 
 
 def judge(
@@ -402,12 +400,6 @@ def _in_right_half_plane(count: float) -> str:
 
 def _written(ways: tuple[str, ...]) -> str:
     return " and ".join(f"by {way}" for way in ways)
-
-
-def _by(*parts: LoopStability) -> str:
-    """Say which ways were used; where they differ, for which function."""
-    first, second = (_written(part.ways) for part in parts)
-    return first if first == second else f"p_A {first}, p_B {second}"
 
 
 def _decided(stable: bool | None, reason: str) -> bool:

@@ -97,7 +97,10 @@ def delayed_response(
 
     @cache
     def interval(finer: float) -> _Interval:
-        return _interval(blocks, panel_lengths(poles, delay, finer))
+        lengths = panel_lengths(poles, delay, finer)
+        different, which = np.unique(lengths, return_inverse=True)
+        found = panel_matrices([(block, 0) for block in blocks], 1, different)
+        return _Interval(np.append(0.0, np.cumsum(lengths)), found[which])
 
     return lambda times: _evaluated(interval, start, delay, times)
 
@@ -171,13 +174,6 @@ def resolved(reach: FloatArray, died_out: FloatArray) -> bool:
     # The coefficients of exp(z x/2) behind degree m - 1 start with about 2 (z/4)^m/m!.
     size = NODES * np.log(reach[hard] / 4) - lgamma(NODES + 1)
     return bool((size - died_out[hard] <= _LOG_ROUNDING).all())
-
-
-def _interval(blocks: Sequence[Block], lengths: FloatArray) -> _Interval:
-    """Solve every panel for every block."""
-    different, which = np.unique(lengths, return_inverse=True)
-    found = panel_matrices([(block, 0) for block in blocks], 1, different)
-    return _Interval(np.append(0.0, np.cumsum(lengths)), found[which])
 
 
 def panel_matrices(

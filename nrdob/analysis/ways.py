@@ -94,9 +94,6 @@ def _echoes(
     derivatives.
     """
     both = maps(loop, input)
-    if not (loop.delay or loop.model_delay):  # nothing comes around
-        term = [m.numerator.q for m in both], both[0].denominator.q
-        return _shifted([(0.0, term)], 0.0, horizon, integrals, attempt)
     power = max(each.divided for each in (loop.p_B, *(m.numerator for m in both)))
     p_B = loop.p_B.lifted(power)
     q, echoes = p_B.q, p_B.delayed

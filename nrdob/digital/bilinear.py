@@ -92,7 +92,9 @@ def held_in_w(
     bits, last = FIRST, None
     while bits <= LAST:
         found = _in_v(given, bits)
-        if last is not None and all(map(_agree, found, last)):
+        if last is not None and all(
+            (np.abs(p - q) <= AGREEMENT * np.abs(q)).all() for p, q in zip(found, last, strict=True)
+        ):
             return _scaled(found, dt)
         bits, last = 2 * bits, found
     raise ArithmeticError(
@@ -300,10 +302,6 @@ def _scaled(found: Fraction, dt: float) -> Fraction:
         )
     powers = (2 / dt) ** np.arange(den.size) / den[0]  # of 1/α, from the leading coefficient on
     return Fraction(num * powers[den.size - num.size :], den * powers)
-
-
-def _agree(p: FloatArray, q: FloatArray) -> bool:
-    return bool((np.abs(p - q) <= AGREEMENT * np.abs(q)).all())
 
 
 def _in_z(given: _Given, bits: int) -> tuple[list[int], list[int]]:

@@ -197,7 +197,5 @@ def _without(values: ComplexArray, known: ComplexArray) -> ComplexArray:
 
 
 def _largest(roots: ComplexArray) -> complex:
-    if not roots.size:
-        return complex(nan, nan)
-    root = complex(roots[0])
+    root = complex(roots[0]) if roots.size else complex(nan, nan)
     return root.conjugate() if root.imag < 0 else root
