@@ -37,11 +37,9 @@ MOST = 200_000  # frequencies at most that a dead time asks for
 def gentle_frequencies(*loops: Quotient) -> FloatArray:
     r"""Frequencies above 0 between which the logarithm of L bends little, but for dead times.
 
-    Over log ω the logarithm of a factor :math:`j\omega - z` has a second derivative of the size
-    :math:`\omega |z|/|j\omega - z|^2`. The sum over all poles and zeros of a loop, in the middle of
-    each stretch, times the square of its length is at most `BEND`, so that log L is a straight line
-    to within an eighth of that. Factors of the denominator that contain a dead time turn by less
-    than half a revolution in `PER_SEGMENT` stretches together.
+    Over log ω a pole or zero z bends log L by :math:`\omega |z|/|j\omega - z|^2`. Their sum times
+    the square of a stretch is at most `BEND`. Delayed factors of the denominator turn by less than
+    half a revolution in `PER_SEGMENT` stretches together.
     """
     factors = factors_of(*loops)
     roots = [_corners(factor) for factor in factors]

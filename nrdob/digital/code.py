@@ -1,8 +1,7 @@
 r"""The controller as code: one C file with its header, one Python class.
 
-Both are written from the same numbers (`nrdob.digital.sections`) and the same equations, those of
-`nrdob.digital.controller` over the blocks of the diagram. The simulation runs the same sections:
-what has been simulated is what runs on the processor, up to rounding.
+Both are written from the numbers that the simulation runs (`nrdob.digital.sections`), and from the
+equations of `nrdob.digital.controller`.
 
 A block knows three verbs, `output(block, v)`, what comes out at an input v; `advance(block, v)`,
 which renews its states; and `rest(block, v, w)`, which puts it at rest at v (giving w if it

@@ -171,7 +171,6 @@ class SampledLoop:
             A stable discrete-time W(z) with the loop's sampling time, behind which the noise is
             coloured. By default η is white of unit variance; with a variance σ² give σ.
 
-
         Raises
         ------
         ValueError
