@@ -37,11 +37,9 @@ MOST = 200_000  # frequencies at most that a dead time asks for
 def gentle_frequencies(*loops: Quotient) -> FloatArray:
     r"""Frequencies above 0 between which the logarithm of L bends little, but for dead times.
 
-    Over log ω the logarithm of a factor :math:`j\omega - z` has a second derivative of the size
-    :math:`\omega |z|/|j\omega - z|^2`. The sum over all poles and zeros of a loop, in the middle of
-    each stretch, times the square of its length is at most `BEND`, so that log L is a straight line
-    to within an eighth of that. Factors of the denominator that contain a dead time turn by less
-    than half a revolution in `PER_SEGMENT` stretches together.
+    Over log ω a pole or zero z bends log L by :math:`\omega |z|/|j\omega - z|^2`. Their sum times
+    the square of a stretch is at most `BEND`. Delayed factors of the denominator turn by less than
+    half a revolution in `PER_SEGMENT` stretches together.
     """
     factors = factors_of(*loops)
     roots = [_corners(factor) for factor in factors]
@@ -88,11 +86,7 @@ def _corners(factor: QuasiPolynomial) -> ComplexArray:
     """Roots of the factor's polynomials, each by itself, without those at s = 0."""
     found: list[ComplexArray] = []
     for q, _ in factor.terms:
-        if q.size == 1:
-            continue
-        used = q.nonzero()[0]
-        if used.size > 1:
-            p = q[used[0] : used[-1] + 1]
+        if q.size > 1 and (p := np.trim_zeros(q)).size > 1:
             found.append(polynomial_roots(p) if p.size <= 3 else companion_roots(p))
     return np.concatenate([np.empty(0, dtype=complex), *found])
 

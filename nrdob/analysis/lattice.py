@@ -25,6 +25,7 @@ import numpy as np
 from ..numerics import Block, ComplexArray, FloatArray, IntArray
 from .steps import (
     NODES,
+    across,
     all_poles,
     panel_basis,
     panel_lengths,
@@ -146,9 +147,7 @@ def _graded(
     if moments is None or moments.size > MAX_PANELS:
         return None
     gaps = np.diff(moments)
-    # Only a few gaps are different ones, but for rounding.
-    rounded = np.round(gaps / (1e-13 * moments[-1]))
-    _, first, which = np.unique(rounded, return_index=True, return_inverse=True)
+    first, which = _different(gaps, moments[-1])
     inner = []
     for gap in gaps[first].tolist():
         lengths = panel_lengths(poles, gap, finer)
@@ -161,13 +160,19 @@ def _graded(
     return np.append(np.repeat(moments[:-1], sizes) + within, moments[-1])
 
 
+def _different(lengths: FloatArray, last: float) -> tuple[IntArray, IntArray]:
+    """Where each different length stands first, but for rounding, and which of them each is."""
+    rounded = np.round(lengths / (1e-13 * last))
+    _, first, which = np.unique(rounded, return_index=True, return_inverse=True)
+    return first, which
+
+
 def _march(
     blocks: Sequence[tuple[Block, int]], driven: Sequence[Driven], x: FloatArray, edges: FloatArray
 ) -> FloatArray:
     """Values (P, 2, m) of y and u at the nodes of all panels."""
     lengths = np.diff(edges)
-    rounded = np.round(lengths / (1e-13 * edges[-1]))
-    _, first, which = np.unique(rounded, return_index=True, return_inverse=True)
+    first, which = _different(lengths, edges[-1])
     if first.size > MAX_LENGTHS:
         raise ValueError(
             f"panels of {first.size:,} different lengths would be needed, more than "
@@ -191,13 +196,8 @@ def _march(
                 found = matrices[which[j]] @ np.concatenate([x, late[0]])
                 x, values[j] = found[:n], found[n:].reshape(2, m)
             else:
-                kinds, starts = which[j:stop], np.empty((stop - j, n, 1))
-                drives = (matrices[kinds, :n, n:] @ late[..., None])[..., 0]
-                for k, kind in enumerate(kinds.tolist()):
-                    starts[k, :, 0] = x
-                    x = matrices[kind, :n, :n] @ x + drives[k]
-                both = np.concatenate([starts, late[..., None]], axis=1)
-                values[j:stop] = (matrices[kinds, n:] @ both).reshape(-1, 2, m)
+                end_state, found = across(matrices[which[j:stop]], x[:, None], late[..., None])
+                x, values[j:stop] = end_state[:, 0], found[..., 0]
             j = stop
     return values
 

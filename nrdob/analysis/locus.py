@@ -80,9 +80,9 @@ class Locus:
         for signs, above, loop in zip(self._signs, self._above, loops, strict=True):
             for factor in loop.num:
                 signs[place[id(factor)]] += 1.0
+                above[place[id(factor)]] = 1.0
             for factor in loop.den:
                 signs[place[id(factor)]] -= 1.0
-            above[[place[id(factor)] for factor in loop.num]] = 1.0
         delayed = [(i, *term) for i, factor in enumerate(factors) for term in factor.delayed]
         self._delayed = np.array([i for i, _, _ in delayed], dtype=np.intp)
         self._delays = np.array([delay for _, _, delay in delayed])[:, None]
@@ -126,8 +126,7 @@ class Locus:
         """
         log, slope = self.log_and_slope(omega)
         if loop is not None:
-            each = np.arange(loop.size)
-            log, slope = log[loop, each], slope[loop, each]
+            log, slope = (part[loop, np.arange(loop.size)] for part in (log, slope))
         size, angle = log.real, log.imag
         rows, z = np.empty((9, *log.shape)), np.empty_like(log)
         with np.errstate(all="ignore"):

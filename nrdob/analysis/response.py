@@ -7,7 +7,6 @@ that is only nearly right.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from functools import cache
 from math import inf, log10, pi
 from typing import Any
@@ -18,7 +17,7 @@ from numpy.typing import ArrayLike
 from scipy.signal import fftconvolve
 
 from ..diagram import LoopEquations
-from ..numerics import BoolArray, ComplexArray, FloatArray, IntArray, roots_by_time_scale
+from ..numerics import FloatArray, roots_by_time_scale
 from .ways import Solver, Way, even_step, maps, ways
 
 __all__ = ["even_times", "forced_response", "step_response"]
@@ -77,7 +76,7 @@ def step_response(
     """
     _check(loop, input)
     if timepts is None:
-        times, outputs = _default_response(loop, input, lambda last: _prepared(loop, input, last))
+        times, outputs = _default_response(loop, input)
     else:
         times = _checked_times(timepts)
         outputs = _prepared(loop, input, float(times[-1]))(times)
@@ -189,7 +188,11 @@ def _prepared(loop: LoopEquations, input: str, horizon: float, integrals: int = 
     solver = cache(lambda way, attempt: way(loop, input, horizon, integrals, attempt))
 
     def solve(times: FloatArray) -> FloatArray:
-        asked, grid = _looked_at(times)
+        # Compared are some of the times, and others, evenly up to the last, that show the size.
+        few, grid = _SPOT_CHECKS, times[-1] * np.arange(1, _GRID + 1) / _GRID
+        if times.size > _GRID and not times[0] and even_step(times) is not None:
+            few, grid = _SPOT_CHECKS + _GRID, grid[:0]
+        asked = np.unique(np.linspace(0, times.size - 1, few).astype(int))
         reason = ""
 
         def both(way: Way, attempt: int, times: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -224,14 +227,6 @@ def _prepared(loop: LoopEquations, input: str, horizon: float, integrals: int = 
     return solve
 
 
-def _looked_at(times: FloatArray) -> tuple[IntArray, FloatArray]:
-    """Which of the times are compared, and others, evenly up to the last, that show the size."""
-    few, grid = _SPOT_CHECKS, times[-1] * np.arange(1, _GRID + 1) / _GRID
-    if times.size > _GRID and not times[0] and even_step(times) is not None:
-        few, grid = _SPOT_CHECKS + _GRID, grid[:0]
-    return np.unique(np.linspace(0, times.size - 1, few).astype(int)), grid
-
-
 def _largest(signals: FloatArray) -> FloatArray:
     """Largest size of y and of u; what has left the floating-point range does not count."""
     finite = np.isfinite(signals)
@@ -241,20 +236,14 @@ def _largest(signals: FloatArray) -> FloatArray:
 # The default window: long enough to settle, short enough to see.
 
 
-def _default_response(
-    loop: LoopEquations, input: str, prepared: Callable[[float], Solver]
-) -> tuple[FloatArray, FloatArray]:
-    """Choose evenly spaced times over what there is to see, and respond.
-
-    `prepared` takes a last time in seconds and gives what gives y and u, (2, N), at N times until
-    then; both raise ValueError or ArithmeticError where that takes too long or too many digits.
-    """
+def _default_response(loop: LoopEquations, input: str) -> tuple[FloatArray, FloatArray]:
+    """Choose evenly spaced times over what there is to see and can be computed, and respond."""
     window, settles = _estimate(loop, input)
     shortest = window / _SHORTEST
     while True:
         try:
             times = even_times(window)
-            respond = prepared(float(times[-1]))
+            respond = _prepared(loop, input, float(times[-1]))
             if settles:
                 times = even_times(_settling_time(respond, window))
             return times, respond(times)
@@ -273,7 +262,14 @@ def even_times(window: float) -> FloatArray:
 
 def _estimate(loop: LoopEquations, input: str) -> tuple[float, bool]:
     """Time in seconds after which nothing is left to see, and whether the response settles."""
-    roots, on_axis = _modes(loop, input)
+    factors = [loop.p_A, loop.p_B] if input == "R" else [loop.p_B]
+    try:
+        with np.errstate(all="ignore"):
+            each = [p.roots if p.delay else roots_by_time_scale(p.q) for p in factors]
+    except ArithmeticError:  # so long a delay that it alone sets the pace
+        factors, each = [loop.p_B], [np.zeros(0, dtype=complex)]
+    roots = np.concatenate(each)
+    on_axis = np.concatenate([p.near_axis(own) for p, own in zip(factors, each, strict=True)])
     rates, swings = roots.real[~on_axis], np.abs(roots.imag[on_axis])
     longest = max(loop.delay, loop.model_delay)
     growth, decay = max(rates, default=0.0), -max(rates[rates < 0], default=-inf)
@@ -282,18 +278,6 @@ def _estimate(loop: LoopEquations, input: str) -> tuple[float, bool]:
     periods = 10 * pi / min(swings[swings > 0], default=inf)
     # Neither modes nor dead time: any window will do.
     return max(12 / decay + 5 * longest, periods) or 10.0, True
-
-
-def _modes(loop: LoopEquations, input: str) -> tuple[ComplexArray, BoolArray]:
-    """Roots that `input` excites, and which of them lie on the imaginary axis within rounding."""
-    factors = [loop.p_A, loop.p_B] if input == "R" else [loop.p_B]
-    try:
-        with np.errstate(all="ignore"):
-            roots = [p.roots if p.delay else roots_by_time_scale(p.q) for p in factors]
-    except ArithmeticError:  # so long a delay that it alone sets the pace
-        return np.zeros(0, dtype=complex), np.zeros(0, dtype=bool)
-    on_axis = [p.near_axis(found) for p, found in zip(factors, roots, strict=True)]
-    return np.concatenate(roots), np.concatenate(on_axis)
 
 
 def _settling_time(respond: Solver, window: float) -> float:

@@ -14,13 +14,13 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from html import escape
 from math import inf, nan
-from typing import Any, ClassVar, NamedTuple
+from typing import Any, ClassVar
 
 import numpy as np
 
 from ..certificates import Certificate, certify
 from ..diagram import LoopEquations, ObserverEquations
-from ..numerics import BoolArray, ComplexArray, QuasiPolynomial, count_rhp, unstable_roots, written
+from ..numerics import ComplexArray, QuasiPolynomial, count_rhp, unstable_roots, written
 from .nyquist import NyquistCount, nyquist_count
 
 __all__ = [
@@ -151,16 +151,11 @@ class Stability:
 
     @property
     def _rows(self) -> list[list[str]]:
-        return [
-            [
-                part.name,
-                _count(part.encirclements),
-                _count(part.open_loop_rhp),
-                _count(part.closed_loop_rhp),
-                _rightmost(part),
-            ]
-            for part in (self.model_loop, self.observer_loop)
-        ]
+        rows = []
+        for part in (self.model_loop, self.observer_loop):
+            counts = part.encirclements, part.open_loop_rhp, part.closed_loop_rhp
+            rows.append([part.name, *map(_count, counts), _rightmost(part)])
+        return rows
 
     def __repr__(self) -> str:
         rows = [["", "N", "P", "Z", self._root], *self._rows]
@@ -207,8 +202,10 @@ def stability(loop: LoopEquations) -> Stability:
         failing = [f"{part.name}: {part.reason}" for part in both if part.stable is verdict]
         if failing:
             return Stability(verdict, "; ".join(failing), model_loop, observer_loop, loop)
-    reason = f"p_A and p_B have all roots in the left half plane, {_by(*both)}"
-    return Stability(True, _with(reason, _cancelled(loop)), model_loop, observer_loop, loop)
+    first, second = (_written(part.ways) for part in both)
+    ways = first if first == second else f"p_A {first}, p_B {second}"
+    reason = f"p_A and p_B have all roots in the left half plane, {ways}{_cancelled(loop)}"
+    return Stability(True, reason, model_loop, observer_loop, loop)
 
 
 def judge_observer(
@@ -253,7 +250,7 @@ def observer_stability(loop: ObserverEquations | LoopEquations) -> LoopStability
     reason = found.reason
     if reason == AT_ORIGIN:
         reason = f"{AT_ORIGIN}, {_held_at_origin(loop)}"
-    return replace(found, reason=_with(reason, _cancelled(loop)))
+    return replace(found, reason=reason + _cancelled(loop))
 
 
 def _held_at_origin(loop: ObserverEquations | LoopEquations) -> str:
@@ -281,7 +278,7 @@ def _held_at_origin(loop: ObserverEquations | LoopEquations) -> str:
 
 
 def _cancelled(loop: ObserverEquations | LoopEquations) -> str:
-    """Name what has cancelled inside a block, and what of it rests on rounding."""
+    """Name, after a reason, what has cancelled inside a block, and what rests on rounding."""
     notes = []
     waits = loop.model_delay > 0
     prediction = "(1-F exp(-θm s))Gm0" if waits else "(1-F)Gm"
@@ -292,8 +289,8 @@ def _cancelled(loop: ObserverEquations | LoopEquations) -> str:
                 note += ", which takes a memory of length θm, not a difference of two integrators"
             if (fragile := unstable_roots(common)).size:
                 note += f", {_named(fragile)} to rounding only: build {block} as one"
-            notes.append(note)
-    return "; ".join(notes)
+            notes.append(f"; {note}")
+    return "".join(notes)
 
 
 def _named(roots: ComplexArray) -> str:
@@ -301,10 +298,6 @@ def _named(roots: ComplexArray) -> str:
     upper = roots[roots.imag >= 0].tolist()
     named = list(dict.fromkeys(written(root).replace("+", "±") for root in upper))
     return f"s = {', '.join(named)} {'cancels' if len(named) == 1 else 'cancel'}"
-
-
-def _with(reason: str, note: str) -> str:
-    return f"{reason}; {note}" if note else reason
 
 
 def judge(
@@ -327,72 +320,71 @@ def judge(
         Why the loop has no solution at infinite frequency, if it has none.
     """
     factors = tuple(open_loop)
-    by_encirclements = nyquist_count(factors, closed_loop)
+    counted = nyquist_count(factors, closed_loop)
     roots = closed_loop.roots if closed_loop.neutral_ratio < 1 else np.empty(0, dtype=complex)
-    found = _Finding(None, ill_posed)
-    if not ill_posed:
-        found = _find(closed_loop, by_encirclements, roots, factors)
+    stable, reason, ways = _judged(closed_loop, counted, roots, factors, ill_posed)
     return LoopStability(
         name=name,
-        stable=found.stable,
-        reason=found.reason,
-        encirclements=by_encirclements.encirclements,
-        open_loop_rhp=by_encirclements.open_loop_rhp,
-        closed_loop_rhp=by_encirclements.closed_loop_rhp if found.stable is not None else None,
+        stable=stable,
+        reason=reason,
+        encirclements=counted.encirclements,
+        open_loop_rhp=counted.open_loop_rhp,
+        closed_loop_rhp=None if stable is None else counted.closed_loop_rhp,
         rightmost=complex(roots[0]) if roots.size else complex(nan, nan),
         kind=_kind(closed_loop),
         roots=roots,
-        ways=found.ways,
+        ways=ways,
     )
 
 
-class _Finding(NamedTuple):
-    stable: bool | None
-    reason: str
-    ways: tuple[str, ...] = ()
-
-
-def _find(
+def _judged(
     p: QuasiPolynomial,
-    by_encirclements: NyquistCount,
+    counted: NyquistCount,
     roots: ComplexArray,
     open_loop: tuple[QuasiPolynomial, ...],
-) -> _Finding:
-    count = by_encirclements.closed_loop_rhp
+    ill_posed: str,
+) -> tuple[bool | None, str, tuple[str, ...]]:
+    """Whether all roots are in the left half plane, why, and by which ways Z was found."""
+    count, ratio = counted.closed_loop_rhp, f"|r/q| = {p.neutral_ratio:.4g}"
+    if ill_posed:
+        return None, ill_posed, ()
     if count == inf:
-        return _Finding(False, (
-            f"{_kind(p)} with |r/q| = {p.neutral_ratio:.4g} at infinite frequency: "
-            "infinitely many roots in the right half plane"
-        ))  # fmt: skip
+        where = f"{_kind(p)} with {ratio} at infinite frequency"
+        return False, f"{where}: infinitely many roots in the right half plane", ()
     if p.zeros_at_origin:
-        return _Finding(False, AT_ORIGIN)
-    if count is None:
-        return _beside_the_axis(p, by_encirclements.reason, roots)
+        return False, AT_ORIGIN, ()
+    if count is None:  # beside a root on the axis within rounding others may be clearly right of it
+        by_encirclements = count_rhp(p).at_least
+        by_roots = int(np.sum((roots.real > 0) & ~p.near_axis(roots)))
+        if not (by_encirclements and by_roots):
+            return None, counted.reason, ()
+        reason = f"{_in_right_half_plane(by_encirclements)}, and {counted.reason}"
+        return False, reason, (ENCIRCLEMENTS, ROOTS)
     second, way = _second_count(p, count, roots)
     if count != second:
-        return _Finding(None, f"the encirclements give Z = {count}, {way} {second}: no verdict")
+        return None, f"the encirclements give Z = {count}, {way} {second}: no verdict", ()
     ways = (ENCIRCLEMENTS, way)
     told = "" if way == ROOTS else f", {_written(ways)}"
     if count == 0:
-        neutral = f" ({_kind(p)}, |r/q| = {p.neutral_ratio:.4g} at infinity)"
-        told = (neutral if p.neutral_ratio else "") + told
-        return _Finding(True, "no roots in the right half plane" + told, ways)
+        neutral = f" ({_kind(p)}, {ratio} at infinity)" if p.neutral_ratio else ""
+        return True, f"no roots in the right half plane{neutral}{told}", ways
     right = roots[roots.real > 0]
-    hidden = right[np.any([_vanishes(factor, right) for factor in open_loop], axis=0)]
-    if hidden.size:
-        pole = f"s = {written(hidden[0])} is an open-loop pole that cancels out of sight"
-        told = f", of which {pole}{told}"
-    return _Finding(False, f"{_so_many_roots(count)} in the right half plane{told}", ways)
+    # A root itself is known to about sqrt(rounding) of a double one at worst.
+    hidden = [
+        np.abs(factor(right)) <= 1e-9 * np.polyval(factor.scale, np.abs(right))
+        for factor in open_loop
+    ]
+    if np.any(hidden):
+        pole = written(right[np.any(hidden, axis=0)][0])
+        told = f", of which s = {pole} is an open-loop pole that cancels out of sight{told}"
+    return False, _in_right_half_plane(count) + told, ways
 
 
 def _second_count(
     p: QuasiPolynomial, expected: float, roots: ComplexArray
 ) -> tuple[int | None, str]:
-    """Count without the argument, and say by which way.
-
-    The roots are the cheaper one. What they say is only used where it is the same; else they may
-    be too badly conditioned, and the coefficients themselves are asked.
-    """
+    """Count without the argument, and say by which way."""
+    # Roots are the cheaper way; where they differ they may be too badly conditioned.
     if p.neutral_ratio < 1 and p.roots_resolved and not p.near_axis(roots).any():
         found = int(np.sum(roots.real > 0))
         if found == expected:
@@ -402,31 +394,12 @@ def _second_count(
     return p.rhp_in_whole_numbers, way
 
 
-def _beside_the_axis(p: QuasiPolynomial, reason: str, roots: ComplexArray) -> _Finding:
-    """Judge beside a root on the axis within rounding: others may be clearly right of it."""
-    by_encirclements = count_rhp(p).at_least
-    by_roots = int(np.sum((roots.real > 0) & ~p.near_axis(roots)))
-    if not (by_encirclements and by_roots):
-        return _Finding(None, reason)
-    return _Finding(
-        False,
-        f"{_so_many_roots(by_encirclements)} in the right half plane, and {reason}",
-        (ENCIRCLEMENTS, ROOTS),
-    )
-
-
-def _so_many_roots(count: float) -> str:
-    return f"{count:g} {'root' if count == 1 else 'roots'}"
+def _in_right_half_plane(count: float) -> str:
+    return f"{count:g} {'root' if count == 1 else 'roots'} in the right half plane"
 
 
 def _written(ways: tuple[str, ...]) -> str:
     return " and ".join(f"by {way}" for way in ways)
-
-
-def _by(*parts: LoopStability) -> str:
-    """Say which ways were used; where they differ, for which function."""
-    first, second = (_written(part.ways) for part in parts)
-    return first if first == second else f"p_A {first}, p_B {second}"
 
 
 def _decided(stable: bool | None, reason: str) -> bool:
@@ -435,12 +408,6 @@ def _decided(stable: bool | None, reason: str) -> bool:
             f"neither stable nor unstable can be told: {reason}; ask for .stable, which is None"
         )
     return stable
-
-
-def _vanishes(factor: QuasiPolynomial, s: ComplexArray) -> BoolArray:
-    """Whether `factor` is zero at `s` within rounding."""
-    # The root itself is known to about sqrt(rounding) of a double one at worst.
-    return np.asarray(np.abs(factor(s)) <= 1e-9 * np.polyval(factor.scale, np.abs(s)))
 
 
 def _kind(p: QuasiPolynomial) -> str:

@@ -25,6 +25,7 @@ from ..numerics import Block, ComplexArray, FloatArray, IntArray
 __all__ = [
     "MAX_DELAYS",
     "NODES",
+    "across",
     "all_poles",
     "delayed_response",
     "panel_basis",
@@ -49,36 +50,34 @@ _PRODUCTS_PER_PANEL = 15_000  # of matrix elements, that take the time of one pa
 
 @dataclass(frozen=True)
 class _Interval:
-    """What one interval of length θ does, panel by panel (P of them, m nodes in each).
-
-    `edges` are the P + 1 borders of the panels; `advance`, (P, n, n) and (P, n, m), leads from the
-    state at the start of a panel and z at its nodes to the state at its end, `outputs`,
-    (P, 2, m, n) and (P, 2, m, m), to y and v at its nodes.
-    """
+    """One interval of length θ: the P + 1 borders of its panels, and the matrix of each panel."""
 
     edges: FloatArray
-    advance: tuple[FloatArray, FloatArray]
-    outputs: tuple[FloatArray, FloatArray]
-
-    def step(self, x: FloatArray, z: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """From x (n, c) and z (P, m, c) to the next x, and to y and v at the nodes (P, 2, m, c)."""
-        (E, gamma), (from_x, from_z) = self.advance, self.outputs
-        drive = gamma @ z
-        starts = np.empty((E.shape[0], *x.shape))
-        for j in range(E.shape[0]):
-            starts[j] = x
-            x = E[j] @ x + drive[j]
-        values = from_x @ starts[:, np.newaxis] + from_z @ z[:, np.newaxis]
-        return x, values
+    matrices: FloatArray
 
     @cached_property
     def as_matrix(self) -> FloatArray:
         """Return the map of [x; z] over one interval."""
-        panels, n = self.advance[0].shape[:2]
-        size = n + panels * NODES
-        unit = np.eye(size)
-        x, values = self.step(unit[:n], unit[n:].reshape(panels, NODES, size))
-        return np.vstack([x, values[:, 1].reshape(-1, size)])
+        panels, n = self.matrices.shape[0], self.matrices.shape[2] - NODES
+        unit = np.eye(n + panels * NODES)
+        z = unit[n:].reshape(panels, NODES, -1)
+        x, values = across(self.matrices, unit[:n], z)
+        return np.vstack([x, values[:, 1].reshape(-1, len(unit))])
+
+
+def across(matrices: FloatArray, x: FloatArray, z: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Pass P panels: from x (n, c) and z at the nodes to the next x, and to both outputs there.
+
+    z has the shape (P, k, c), the outputs (P, 2, m, c).
+    """
+    n, panels = x.shape[0], matrices.shape[0]
+    drive = matrices[:, :n, n:] @ z
+    starts = np.empty((panels, *x.shape))
+    for j in range(panels):
+        starts[j] = x
+        x = matrices[j, :n, :n] @ x + drive[j]
+    values = matrices[:, n:] @ np.concatenate([starts, z], axis=1)
+    return x, values.reshape(panels, 2, NODES, -1)
 
 
 def delayed_response(
@@ -98,7 +97,10 @@ def delayed_response(
 
     @cache
     def interval(finer: float) -> _Interval:
-        return _interval(blocks, panel_lengths(poles, delay, finer))
+        lengths = panel_lengths(poles, delay, finer)
+        different, which = np.unique(lengths, return_inverse=True)
+        found = panel_matrices([(block, 0) for block in blocks], 1, different)
+        return _Interval(np.append(0.0, np.cumsum(lengths)), found[which])
 
     return lambda times: _evaluated(interval, start, delay, times)
 
@@ -174,21 +176,13 @@ def resolved(reach: FloatArray, died_out: FloatArray) -> bool:
     return bool((size - died_out[hard] <= _LOG_ROUNDING).all())
 
 
-def _interval(blocks: Sequence[Block], lengths: FloatArray) -> _Interval:
-    """Solve every panel for every block."""
-    different, which = np.unique(lengths, return_inverse=True)
-    found = panel_matrices([(block, 0) for block in blocks], 1, different)
-    n = found.shape[-1] - NODES
-    outputs = found[:, n:].reshape(different.size, 2, NODES, -1)
-    parts = found[:, :n, :n], found[:, :n, n:], outputs[..., :n], outputs[..., n:]
-    E, gamma, from_x, from_z = (part[which] for part in parts)
-    return _Interval(np.append(0.0, np.cumsum(lengths)), (E, gamma), (from_x, from_z))
-
-
 def panel_matrices(
     blocks: Sequence[tuple[Block, int]], groups: int, lengths: FloatArray
 ) -> FloatArray:
-    """From the state and the delayed signals at the nodes to the next state and to both outputs."""
+    """From the state and the delayed signals at the nodes to the next state and to both outputs.
+
+    One matrix for each panel, (P, n + 2m, n + groups m).
+    """
     n, m = sum(block.B.size for block, _ in blocks), NODES
     matrices = np.zeros((lengths.size, n + 2 * m, n + groups * m))
     first = 0
@@ -206,7 +200,7 @@ def panel_matrices(
 def _collocated(
     block: Block, lengths: FloatArray
 ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-    """Panels of the given lengths for one block, in the order of `_Interval`."""
+    """Give E, Γ and the outputs from the state and from z, for one block, panel by panel."""
     panels, n, m = lengths.size, block.B.size, NODES
     integral = radau()[1]
     T, U = schur(block.A, output="complex")
@@ -251,8 +245,8 @@ def to_chebyshev() -> FloatArray:
 
 def _seen(interval: _Interval, start: FloatArray, intervals: FloatArray) -> FloatArray:
     """Values (k, P, 2, m) at the nodes of the k `intervals`."""
-    panels, n = interval.advance[0].shape[:2]
-    last, size = int(intervals[-1]), n + panels * NODES
+    panels = interval.edges.size - 1
+    last, size = int(intervals[-1]), start.size + panels * NODES
     jumps = np.diff(intervals, prepend=0).astype(np.intp)
     marched = (last + 1) * (panels + 10)
     powers = sum(log2(2 * jump) for jump in set(jumps.tolist()) if jump)  # and the matrix itself
@@ -282,9 +276,9 @@ def _march(interval: _Interval, start: FloatArray, jumps: IntArray) -> FloatArra
     seen = []
     for jump in jumps:
         for _ in range(jump):
-            x, values = interval.step(x, z)
+            x, values = across(interval.matrices, x, z)
             z = values[:, 1]
-        seen.append(interval.step(x, z)[1][..., 0])
+        seen.append(across(interval.matrices, x, z)[1][..., 0])
     return np.array(seen)
 
 
@@ -297,6 +291,6 @@ def _leap(interval: _Interval, start: FloatArray, jumps: IntArray) -> FloatArray
     for jump in jumps.tolist():
         state = powers[jump] @ state
         states.append(state)
-    columns = np.array(states).T
-    z = columns[n:].reshape(-1, NODES, len(states))
-    return np.moveaxis(interval.step(columns[:n], z)[1], -1, 0)
+    x, z = np.split(np.array(states).T, [n])
+    z = z.reshape(-1, NODES, len(states))
+    return np.moveaxis(across(interval.matrices, x, z)[1], -1, 0)

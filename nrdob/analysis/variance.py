@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+from math import inf
 from typing import Any, NamedTuple
 
-from ..diagram import LoopEquations, Quotient, as_shaping
+from ..diagram import LoopEquations, as_shaping
 from .ways import maps
 
 __all__ = ["NoiseVariance", "noise_variance"]
@@ -57,12 +58,10 @@ def noise_variance(
     both = maps(loop, input)
     W = None if shaping is None else as_shaping(shaping)
     passes = W is None or (W.relative_degree == 0 and bool(W.num.any()))
-    y, u = (_variance(quotient, shaping, passes) for quotient in both)
-    return NoiseVariance(y, u)
-
-
-def _variance(quotient: Quotient, shaping: Any, passes: bool) -> float:
-    if passes and any(quotient.at_infinity):
-        quotient.check_stable()
-        return float("inf")
-    return quotient.noise_power(shaping)
+    variances = []
+    for quotient in both:
+        endless = passes and any(quotient.at_infinity)
+        if endless:
+            quotient.check_stable()
+        variances.append(inf if endless else quotient.noise_power(shaping))
+    return NoiseVariance(*variances)

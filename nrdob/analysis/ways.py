@@ -94,9 +94,6 @@ def _echoes(
     derivatives.
     """
     both = maps(loop, input)
-    if not (loop.delay or loop.model_delay):  # nothing comes around
-        term = [m.numerator.q for m in both], both[0].denominator.q
-        return _shifted([(0.0, term)], 0.0, horizon, integrals, attempt)
     power = max(each.divided for each in (loop.p_B, *(m.numerator for m in both)))
     p_B = loop.p_B.lifted(power)
     q, echoes = p_B.q, p_B.delayed
@@ -133,7 +130,7 @@ def _shifted(
     """Sum up transforms, each delayed, where `delay` is the shortest of the dead times."""
     unit = _UNITS[attempt]
     late = [
-        (begin, _impulses(_in_blocks(_forced(*term, integrals), horizon - begin, unit), unit))
+        (begin, _free(term, integrals, horizon - begin, unit))
         for begin, term in terms
         if begin <= horizon * (1 + 1e-9)
     ]
@@ -161,9 +158,7 @@ def _marching(
     """Dead time by dead time, see `nrdob.analysis.steps`."""
     unit = _UNITS[attempt]
     driven = _in_blocks(_around_the_delay(loop), horizon, unit)
-    before = _forced(*_before_the_delay(loop, input), integrals)
-    free = _impulses(_in_blocks(before, horizon, unit), unit)
-
+    free = _free(_before_the_delay(loop, input), integrals, horizon, unit)
     march = delayed_response(driven, free, loop.delay * unit)
     return lambda times: march(times * unit)
 
@@ -183,15 +178,12 @@ def _waiting(
         )
         for rational, delay, of_v in _behind_the_delays(loop)
     ]
-    before = _forced(*_beside_the_delays(loop, input), integrals)
-    free = _impulses(_in_blocks(before, horizon, unit), unit)
-    _, _, _, F = loop.fractions
-    ratio = loop.ratio
-    around = [F.relative_degree]
+    free = _free(_beside_the_delays(loop, input), integrals, horizon, unit)
+    smoothing, ratio = loop.fractions.F.relative_degree, loop.ratio
     if loop.delay:
-        around.append(F.relative_degree + ratio.denominator.degree - ratio.numerator.degree)
+        smoothing += min(0, ratio.denominator.degree - ratio.numerator.degree)
 
-    march = delayed_responses(driven, free, horizon * unit, min(around), _FINER[attempt])
+    march = delayed_responses(driven, free, horizon * unit, smoothing, _FINER[attempt])
 
     def solve(times: FloatArray) -> FloatArray:
         outputs = march(times * unit)
@@ -281,15 +273,14 @@ def _around_the_delay(loop: LoopEquations) -> Rational:
 
 def _before_the_delay(loop: LoopEquations, input: str) -> Rational:
     """Return what the input does to y and v before anything has come around."""
-    nothing, one = np.zeros(1), np.ones(1)
-    if input == "delta":
-        return (nothing, one), one
-    if input == "R":
-        C, F = loop.fractions.C, loop.fractions.F
-        prefilter = _product(C.num, loop.built.Dm.q, F.den)
-        return (nothing, prefilter), np.convolve(loop.p_A.q, loop.built.E.q)
-    num, den = _feedback(loop)
-    return (den if input == "d" else nothing, -num), den
+    nothing, one, (num, den) = np.zeros(1), np.ones(1), _feedback(loop)
+    prefilter = _product(loop.fractions.C.num, loop.built.Dm.q, loop.fractions.F.den)
+    return {
+        "R": ((nothing, prefilter), np.convolve(loop.p_A.q, loop.built.E.q)),
+        "d": ((den, -num), den),
+        "eta": ((nothing, -num), den),
+        "delta": ((nothing, one), one),
+    }[input]
 
 
 def _feedback(loop: LoopEquations) -> tuple[FloatArray, FloatArray]:
@@ -298,20 +289,16 @@ def _feedback(loop: LoopEquations) -> tuple[FloatArray, FloatArray]:
     return np.convolve(built.Nf.q, built.Dm.q), np.convolve(built.E.q, built.Nm.q)
 
 
-def _forced(nums: Sequence[FloatArray], den: FloatArray, integrals: int) -> Rational:
-    return nums, np.append(den, np.zeros(integrals))
+def _free(rational: Rational, integrals: int, horizon: float, unit: float) -> list[Block]:
+    """Blocks whose impulse responses are a transform over s^integrals, in units of 1/unit s."""
+    nums, den = rational
+    blocks = _in_blocks((nums, np.append(den, np.zeros(integrals))), horizon, unit)
+    # An impulse of a second is shorter or longer in another unit.
+    return [replace(block, B=unit * block.B) for block in blocks]
 
 
 def _in_blocks(rational: Rational, horizon: float, unit: float) -> list[Block]:
     """Split by time scale, with time in units of 1/unit seconds."""
     nums, den = rational
-    return split([_in_unit(num, unit) for num in nums], _in_unit(den, unit), horizon * unit)
-
-
-def _impulses(blocks: Sequence[Block], unit: float) -> list[Block]:
-    """Scale what an impulse sets off: one of a second is shorter or longer in another unit."""
-    return [replace(block, B=unit * block.B) for block in blocks]
-
-
-def _in_unit(coefficients: FloatArray, unit: float) -> FloatArray:
-    return coefficients * unit ** np.arange(coefficients.size - 1, -1, -1.0)
+    *nums, den = (p * unit ** np.arange(p.size - 1, -1, -1.0) for p in (*nums, den))
+    return split(nums, den, horizon * unit)

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from math import inf, isfinite, isnan
+from math import inf, isfinite, isinf
 
 import numpy as np
 
-from ..numerics import FloatArray
+from ..numerics import FloatArray, is_real
 
 __all__ = ["ActuatorLimits", "Rule", "limited", "rounded"]
 
@@ -43,13 +43,12 @@ class ActuatorLimits:
 
     def __post_init__(self) -> None:
         for name in ("low", "high", "rate"):
-            value = getattr(self, name)
-            if isinstance(value, bool) or not isinstance(value, int | float | np.number):
+            if not is_real(value := getattr(self, name)):
                 raise TypeError(
                     f"{name} is {value!r}; limits are numbers in the unit of u, and inf where "
                     "there is none"
                 )
-        if isnan(self.low) or isnan(self.high) or not self.low < self.high:
+        if not self.low < self.high:
             raise ValueError(
                 f"the limits of u are low = {self.low:g} and high = {self.high:g}; low must be "
                 "below high: is it ActuatorLimits(low, high)?"
@@ -98,13 +97,10 @@ def limited(limits: ActuatorLimits, dt: float) -> Rule:
         return value
 
     def leaves(values: FloatArray, before: float) -> bool:
-        if not (values.max() <= high and values.min() >= low):
-            return False
-        if isfinite(step):
-            if not abs(values[0] - before) <= step:
-                return False
-            return bool(np.abs(values[1:] - values[:-1]).max(initial=0.0) <= step)
-        return True
+        inside = bool(values.max() <= high and values.min() >= low)
+        if not inside or isinf(step):
+            return inside
+        return bool(np.abs(np.diff(values, prepend=before)).max() <= step)
 
     return Rule(apply, leaves)
 

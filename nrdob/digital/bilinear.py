@@ -26,7 +26,6 @@ from __future__ import annotations
 from fractions import Fraction as Exact
 from functools import lru_cache
 from math import comb, log2
-from operator import add, mul
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -93,7 +92,9 @@ def held_in_w(
     bits, last = FIRST, None
     while bits <= LAST:
         found = _in_v(given, bits)
-        if last is not None and all(map(_agree, found, last)):
+        if last is not None and all(
+            (np.abs(p - q) <= AGREEMENT * np.abs(q)).all() for p, q in zip(found, last, strict=True)
+        ):
             return _scaled(found, dt)
         bits, last = 2 * bits, found
     raise ArithmeticError(
@@ -303,10 +304,6 @@ def _scaled(found: Fraction, dt: float) -> Fraction:
     return Fraction(num * powers[den.size - num.size :], den * powers)
 
 
-def _agree(p: FloatArray, q: FloatArray) -> bool:
-    return bool((np.abs(p - q) <= AGREEMENT * np.abs(q)).all())
-
-
 def _in_z(given: _Given, bits: int) -> tuple[list[int], list[int]]:
     """Numerator and denominator of the held process, descending powers of z, in 2^-bits."""
     n = len(given.a)
@@ -350,32 +347,22 @@ def _characteristic(A: Whole, bits: int) -> list[int]:
 def _held(given: _Given, share: Exact, bits: int) -> tuple[Whole, Whole]:
     """Exp of At and its integral from 0 to t applied to e1, with t a share of a sample.
 
-    Over a short step by Taylor's series, for e1 alone: the other columns follow from it, since
-    A e_j = e_(j+1) - a_j e1. Then the step is doubled until it is t.
+    Over a short step by Taylor's series; then the step is doubled until it is t.
     """
-    n = len(given.a)
-    time = given.time * share
+    n, time = len(given.a), given.time * share
     halvings = (time.numerator // time.denominator).bit_length() + STEPS
     step = _fixed(time / 2**halvings, bits)
-    a = [_fixed(x, bits) for x in given.a]
-
-    def driven(x: list[int]) -> list[int]:
-        return [-sum(map(mul, a, x)) >> bits, *x[:-1]]
-
-    term = [1 << bits] + [0] * (n - 1) if n else []
-    first, integral = term, [0] * n
-    k = 1
-    while any(abs(x) > 1 for x in term):  # what is negative is rounded down to -1, and never to 0
-        term = [(x * step >> bits) // k for x in term]
-        integral = list(map(add, integral, term))
-        term = driven(term)
-        first, k = list(map(add, first, term)), k + 1
-    columns = [first]
-    for x in a[:-1]:
-        ahead = driven(columns[-1])
-        columns.append([y + (x * z >> bits) for y, z in zip(ahead, first, strict=True)])
-    Ad = np.array(columns, dtype=object).reshape(n, n).T  # a gain has no state
-    held = np.array(integral, dtype=object)
+    a = np.array([_fixed(x, bits) for x in given.a], dtype=object)
+    term: Whole = np.eye(n, dtype=int).astype(object) * (1 << bits)
+    Ad = term
+    held, k = np.zeros(n, dtype=object), 0
+    while term.any():
+        k += 1
+        # To the nearest: rounded down, what is negative would stay at -1 for ever.
+        term = (2 * term * step + (k << bits)) // (k << bits + 1)
+        held = held + term[:, 0]
+        term = np.vstack([-_times(a, term, bits), term[:-1]])
+        Ad = Ad + term
     for _ in range(halvings):
         held = held + _times(Ad, held, bits)
         Ad = _times(Ad, Ad, bits)
@@ -387,9 +374,9 @@ def _bilinear(order: int) -> Whole:
     """Coefficients of (1+v)^(n-k) (1-v)^k, a row for each k, ascending powers of v."""
     rows = []
     for k in range(order + 1):
-        plus = np.array([comb(order - k, i) for i in range(order - k + 1)], dtype=object)
-        minus = np.array([comb(k, i) * (-1) ** i for i in range(k + 1)], dtype=object)
-        rows.append(np.convolve(plus, minus))
+        plus = [comb(order - k, i) for i in range(order - k + 1)]
+        minus = [comb(k, i) * (-1) ** i for i in range(k + 1)]
+        rows.append(np.convolve(np.array(plus, dtype=object), np.array(minus, dtype=object)))
     return np.array(rows, dtype=object)
 
 

@@ -103,6 +103,11 @@ class ClosedLoop:
         """Matrix of the linear loop from sample to sample, shape (n, n)."""
         return np.asarray(self.recursion.A + self.recursion.G @ self.recursion.C)
 
+    @property
+    def spectral_radius(self) -> float:
+        """Modulus of the largest eigenvalue of `A`."""
+        return float(np.abs(np.linalg.eigvals(self.A)).max(initial=0.0))
+
     @cached_property
     def from_noise(self) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
         """The linear loop from η to y and u, shapes (n, n), (n,), (2, n) and (2,)."""

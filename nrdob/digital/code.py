@@ -1,8 +1,7 @@
 r"""The controller as code: one C file with its header, one Python class.
 
-Both are written from the same numbers (`nrdob.digital.sections`) and the same equations, those of
-`nrdob.digital.controller` over the blocks of the diagram. The simulation runs the same sections:
-what has been simulated is what runs on the processor, up to rounding.
+Both are written from the numbers that the simulation runs (`nrdob.digital.sections`), and from the
+equations of `nrdob.digital.controller`.
 
 A block knows three verbs, `output(block, v)`, what comes out at an input v; `advance(block, v)`,
 which renews its states; and `rest(block, v, w)`, which puts it at rest at v (giving w if it
@@ -24,7 +23,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cache
 from math import isfinite, prod
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -61,6 +60,18 @@ SIGNALS = {
 
 TABLES = {"FILTER": "F", "INVERSE": "F/Gm", "INNER": "", "CONTROLLER": "C"}
 """How the diagram writes the block behind each table of coefficients; INNER is one of two."""
+
+
+class Calls(NamedTuple):
+    """How a language writes a signal, and the call of a verb of a block or of the dead time."""
+
+    signal: str
+    block: str
+    delay: str
+
+
+C_CALLS = Calls("s->", "{name}_{verb}({name}_{table}, s->{block}, {count}, ", "{name}_{verb}(s, ")
+PYTHON_CALLS = Calls("self.", "self._{verb}({table}, self.{block}, ", "self._{verb}(")
 
 DTYPES = {"double": "DBL_MAX", "float": "FLT_MAX"}  # types of C, and the largest number of each
 
@@ -126,16 +137,8 @@ class ControllerCode:
     def _in_c(self, template: str, name: str, dtype: str) -> str:
         if dtype not in DTYPES:
             raise ValueError(f"dtype is {dtype!r}; choose one of {', '.join(DTYPES)}")
-        prefix = _identifier(name)
-
-        def call(verb: str, block: str) -> str:
-            if not block:
-                return f"{prefix}_{verb}(s, "
-            table, verb = BLOCKS[block], "through" if verb == "output" else verb
-            return f"{prefix}_{verb}({prefix}_{table}, s->{block}, {len(self._cascade(table))}, "
-
-        return self._written(template, prefix, _c_number(dtype), "s->{}".format, call,
-                             dtype=dtype, largest=DTYPES[dtype])  # fmt: skip
+        number = repr if dtype == "double" else _float
+        return self._written(template, name, number, C_CALLS, dtype=dtype, largest=DTYPES[dtype])
 
     def to_python(self, name: str = "Controller") -> str:
         """Write one Python class, with `start`, `output`, `update` and `step`, that stands alone.
@@ -145,63 +148,47 @@ class ControllerCode:
         name : str
             Of the class; what Python does not allow in a name becomes "_".
         """
-
-        def call(verb: str, block: str) -> str:
-            if not block:
-                return f"self._{verb}("
-            verb = "through" if verb == "output" else verb
-            return f"self._{verb}({BLOCKS[block]}, self.{block}, "
-
-        return self._written("controller.py.j2", _identifier(name), repr, "self.{}".format, call)
+        return self._written("controller.py.j2", name, repr, PYTHON_CALLS)
 
     def _cascade(self, table: str) -> tuple[Section, ...]:
         return self.controller.sections[TABLES[table] or self.controller.inner]
 
     def _written(
-        self,
-        template: str,
-        name: str,
-        number: Callable[[float], str],
-        signal: Callable[[str], str],
-        call: Callable[[str, str], str],
-        **more: Any,
+        self, template: str, name: str, number: Callable[[float], str], calls: Calls, **more: str
     ) -> str:
+        name = _identifier(name)
         # The factor of u[k] is divided out here: the processor has nothing left to divide by.
-        constants = {
-            "RECIPROCAL": number(1 / self.controller.factor), "TRACKING": number(self.tracking)
-        }  # fmt: skip
+        constants = {"RECIPROCAL": 1 / self.controller.factor, "TRACKING": self.tracking}
+
+        def call(verb: str, block: str) -> str:
+            if not block:
+                return calls.delay.format(name=name, verb=verb)
+            table, verb = BLOCKS[block], "through" if verb == "output" else verb
+            count = len(self._cascade(table))
+            return calls.block.format(name=name, verb=verb, table=table, block=block, count=count)
 
         def line(row: str) -> tuple[str, str]:
-            target, text = rendered(row, signal, call)
-            for constant, value in constants.items():
-                text = text.replace(constant, value)
-            return target, text
+            target, _, text = row.rpartition(" = ")
+            text = re.sub(rf"\b({'|'.join(SIGNALS)})\b", lambda f: calls.signal + f[1], text)
+            text = re.sub(r"\b(output|advance|rest)\((\w+), ", lambda f: call(f[1], f[2]), text)
+            text = re.sub(r"\b(late|remember|fill)\(", lambda f: call(f[1], ""), text)
+            text = re.sub("|".join(constants), lambda f: number(constants[f[0]]), text)
+            return calls.signal + target if target in SIGNALS else target, text
 
         dt, delay, limits = self.controller.dt, self.controller.delay, self.limits
         bounds = {"low": limits.low, "high": limits.high, "change": limits.rate * dt}
-        return (
-            _environment()
-            .get_template(template)
-            .render(
-                name=name,
-                dt=repr(dt),
-                number=number,
-                blocks=BLOCKS,
-                signals=SIGNALS,
-                tables={
-                    table: {"rows": self._cascade(table), "meaning": block or self.controller.inner}
-                    for table, block in TABLES.items()
-                },
-                equations={
-                    part: [line(row) for row in rows]
-                    for part, rows in equations(delayed=bool(delay)).items()
-                },
-                delay=delay,
-                integrates=any(section.integrates for section in self._cascade("CONTROLLER")),
-                **{key: float(value) if isfinite(value) else None for key, value in bounds.items()},
-                **more,
-            )
-        )
+        tables = {
+            table: {"rows": self._cascade(table), "meaning": block or self.controller.inner}
+            for table, block in TABLES.items()
+        }
+        parts = equations(delayed=bool(delay)).items()
+        return _environment().get_template(template).render(
+            name=name, dt=repr(dt), number=number, blocks=BLOCKS, signals=SIGNALS, tables=tables,
+            equations={part: [line(row) for row in rows] for part, rows in parts}, delay=delay,
+            integrates=any(section.integrates for section in self._cascade("CONTROLLER")),
+            **{key: float(value) if isfinite(value) else None for key, value in bounds.items()},
+            **more,
+        )  # fmt: skip
 
 
 def tracking(controller: SampledController, time: float) -> float:
@@ -256,21 +243,15 @@ def _environment() -> Environment:
     )
 
 
-def _c_number(dtype: str) -> Callable[[float], str]:
-    """How C writes a number so that nothing of it is lost."""
-
-    def written(value: float) -> str:
-        if dtype == "double":
-            return repr(float(value))
-        with np.errstate(over="ignore"):
-            short = np.float32(value)
-        if not np.isfinite(short) or (short == 0 and value != 0):
-            raise OverflowError(
-                f"the coefficient {value:.3g} is out of the range of float: use dtype='double'"
-            )
-        return f"{float(short)!r}f"
-
-    return written
+def _float(value: float) -> str:
+    """Write a number of seven digits in C."""
+    with np.errstate(over="ignore"):
+        short = np.float32(value)
+    if not np.isfinite(short) or (short == 0 and value != 0):
+        raise OverflowError(
+            f"the coefficient {value:.3g} is out of the range of float: use dtype='double'"
+        )
+    return f"{float(short)!r}f"
 
 
 def _identifier(name: str) -> str:
@@ -324,14 +305,3 @@ def equations(*, delayed: bool) -> dict[str, tuple[str, ...]]:
             "rest(controller, e, u + d_hat)",
         ),
     }
-
-
-def rendered(
-    row: str, signal: Callable[[str], str], verb: Callable[[str, str], str]
-) -> tuple[str, str]:
-    """Write both sides of an equation, by what writes a signal, and the call of a block's verb."""
-    target, _, text = row.rpartition(" = ")
-    text = re.sub(rf"\b({'|'.join(SIGNALS)})\b", lambda f: signal(f[1]), text)
-    text = re.sub(r"\b(output|advance|rest)\((\w+), ", lambda f: verb(f[1], f[2]), text)
-    text = re.sub(r"\b(late|remember|fill)\(", lambda f: verb(f[1], ""), text)
-    return signal(target) if target in SIGNALS else target, text

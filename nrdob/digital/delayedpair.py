@@ -16,7 +16,7 @@ from math import nan, pi
 import numpy as np
 
 from ..numerics import ComplexArray, FloatArray, companion_roots
-from .unitcircle import CircleFunction, Group, multiplied_out
+from .unitcircle import CircleFunction, Product, multiplied_out
 
 __all__ = ["DelayedPair"]
 
@@ -29,42 +29,32 @@ STARTS, STEPS, CONVERGED = 256, 50, 1e-9  # where the largest root is sought fro
 class DelayedPair:
     """P + Q z^-N on the unit circle, polynomials of v of equal size, over (1 + v)^degree."""
 
-    early: Group
-    late: Group
     P: FloatArray
     Q: FloatArray
+    samples: int
 
     @classmethod
     def of(cls, function: CircleFunction) -> DelayedPair | None:
         """Take a function apart; None if there is not one dead time in it."""
         if len(function.groups) != 2:
             return None
-        more = max(term.samples for group in function.groups for term in group.bare.terms)
-        P, Q = (multiplied_out(group.bare.terms, more) for group in function.groups)
-        return cls(*function.groups, P, Q)
-
-    @property
-    def samples(self) -> int:
-        """Dead time between the two, N."""
-        return self.late.samples - self.early.samples
+        early, late = function.groups
+        more = max(term.samples for term in early.bare.terms + late.bare.terms)
+        P, Q = (multiplied_out(group.bare.terms, more) for group in (early, late))
+        return cls(P, Q, late.samples - early.samples)
 
     def count(self) -> int | None:
         """Count the zeros outside the unit circle; None if one may be on it."""
-        crossings = _equal_sizes(self.P, self.Q)
-        ends = np.concatenate([[0.0], crossings, [np.inf]])
-        inner = np.concatenate([[0.0], crossings, [2 * crossings[-1] if crossings.size else 1.0]])
-        middle = np.sqrt(inner[:-1] * inner[1:])
-        middle[0] = inner[1] / 2
-        middle[-1] = inner[-1]
-        P, Q = np.abs(self._parts(2 * np.arctan(middle)))
+        angles = np.concatenate([[0.0], 2 * np.arctan(_equal_sizes(self.P, self.Q)), [pi]])
+        P, Q = np.abs(self._parts((angles[:-1] + angles[1:]) / 2))
         leads = P >= Q
-        late = 2 * self.samples * np.diff(np.arctan(ends))
-        turned = np.where(leads, _turned(self.P, ends), _turned(self.Q, ends) - late)
+        late = self.samples * np.diff(angles)
+        turned = np.where(leads, _turned(self.P, angles), _turned(self.Q, angles) - late)
         # From the larger part to the sum, at both ends of each stretch.
-        parts = self._parts(2 * np.arctan(ends))
-        both = np.stack([parts[:, :-1], parts[:, 1:]])
+        ends = self._parts(angles)
+        P, Q = np.stack([ends[:, :-1], ends[:, 1:]], axis=1)
         with np.errstate(all="ignore"):
-            beside = 1 + np.where(leads, both[:, 1] / both[:, 0], both[:, 0] / both[:, 1])
+            beside = 1 + np.where(leads, Q / P, P / Q)
         if not np.all(np.abs(beside) > CLOSEST):
             return None
         found = -float((turned + np.diff(np.angle(beside), axis=0)[0]).sum()) / pi
@@ -96,8 +86,7 @@ class DelayedPair:
 
     def _parts(self, angle: FloatArray) -> ComplexArray:
         """P and Q z^-N at angles from 0 to π."""
-        late = self.late.bare(angle) * np.exp(-1j * self.samples * angle)
-        return np.stack([self.early.bare(angle), late])
+        return np.stack([Product((self.P,))(angle), Product((self.Q,), self.samples)(angle)])
 
     def _newton(self, x: ComplexArray) -> ComplexArray:
         """Newton's step for P + Q z^-N in x = ln z."""
@@ -131,10 +120,9 @@ def _squared(p: FloatArray) -> FloatArray:
     return np.asarray(square * (-1.0) ** np.arange(square.size))[::-1]
 
 
-def _turned(p: FloatArray, y: FloatArray) -> FloatArray:
-    """How far p(jy)/(1 + jy)^degree turns from each y to the next, a sum over its zeros."""
-    roots = companion_roots(np.trim_zeros(p, "f"))
-    with np.errstate(invalid="ignore"):
-        each = np.arctan2(y[:, None] - roots.imag, np.abs(roots.real))
+def _turned(p: FloatArray, angles: FloatArray) -> FloatArray:
+    """How far p(v)/(1 + v)^degree turns from each angle to the next, a sum over its zeros."""
+    roots, y = companion_roots(np.trim_zeros(p, "f")), np.tan(angles / 2)
+    each = np.arctan2(y[:, None] - roots.imag, np.abs(roots.real))
     total = (each * np.where(roots.real > 0, -1.0, 1.0)).sum(axis=1)
-    return np.diff(total - (p.size - 1) * np.arctan(y))
+    return np.diff(total - (p.size - 1) * angles / 2)

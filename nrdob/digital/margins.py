@@ -8,7 +8,6 @@ the crossings are bracketed and refined by the same search as in continuous time
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import replace
 from functools import reduce
 from math import inf, pi
@@ -76,24 +75,19 @@ def sampled_margins(
     found = margins_at(notable, Ends(first, last, 0.0, pi / dt), stable, "L")
     if not stable or found.delay_margin == inf:
         return found
-    more = _added_delay(
-        process, controller, lambda omega: locus.values(omega)[0], found.gain_crossovers
-    )
-    return replace(found, delay_margin=more)
+    return replace(found, delay_margin=_added_delay(process, controller, locus, found))
 
 
 def _added_delay(
-    held: HeldProcess,
-    controller: SampledController,
-    gain: Callable[[FloatArray], ComplexArray],
-    crossovers: FloatArray,
+    held: HeldProcess, controller: SampledController, locus: Locus, margins: Margins
 ) -> float:
     """Find the added dead time at which the loop becomes unstable, in seconds.
 
     At every gain crossover the dead time that would turn L to -1 starts a search in both, dead time
     and frequency, with the hold's true answer to fractions of a sample.
     """
-    dt = held.dt
+    dt, crossovers = held.dt, margins.gain_crossovers
+    values = locus.values(crossovers)[0]
 
     def later(samples: float) -> HeldProcess:
         return held.after(held.delay + samples * dt)
@@ -101,12 +95,12 @@ def _added_delay(
     def off(unknown: FloatArray) -> list[float]:
         # L with its frequency moved, and the process in it exchanged for the later one.
         at, samples = unknown
-        moved = complex(gain(np.array([at]))[0]) / _response(held, at)
+        moved = complex(locus.values(np.array([at]))[0, 0]) / _response(held, at)
         value = moved * _response(later(max(samples, 0.0)), at) + 1
         return [value.real, value.imag]
 
     found, starts = [inf], []
-    for omega, value in zip(crossovers, gain(crossovers), strict=True):
+    for omega, value in zip(crossovers, values, strict=True):
         start = np.array([omega, float(np.angle(-value) % (2 * pi)) / (omega * dt)])
         solution = root(off, start, tol=1e-13)
         starts.append(float(start[1]))
@@ -114,15 +108,13 @@ def _added_delay(
         if near and max(map(abs, off(solution.x))) < SOLVED:
             found.append(max(0.0, float(solution.x[1])))
     least = min(found)
-    if not crossovers.size:
-        return inf
     turned = min(starts) if least == inf else least
     states = held.B.size + held.memory + controller.states
     if states + min(least, max(starts)) > LOOKED_AT:
         return turned * dt
 
     def excess(samples: float) -> float:
-        return float(np.abs(np.linalg.eigvals(ClosedLoop(controller, later(samples)).A)).max()) - 1
+        return ClosedLoop(controller, later(samples)).spectral_radius - 1
 
     if excess(0.0) >= 0:  # another part of the loop is unstable already
         return turned * dt

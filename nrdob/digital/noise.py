@@ -13,7 +13,6 @@ from typing import Any
 
 import control as ct
 import numpy as np
-from scipy.linalg import block_diag
 
 from ..analysis import NoiseVariance
 from ..diagram import is_number
@@ -30,19 +29,16 @@ SAME_DT = 1e-9  # relative difference of two sampling times that are meant to be
 def sampled_noise_variance(loop: ClosedLoop, dt: float, shaping: Any = None) -> NoiseVariance:
     r"""Compute the variances of y and u at the samples: see `SampledLoop.noise_variance`."""
     A, B, C, D = loop.from_noise
-    if _radius(A) >= STABLE:
+    if (size := loop.spectral_radius) >= STABLE:
         raise ValueError(
-            f"the variances are infinite: the sampled loop has a root of size {_radius(A):.6g}; "
-            "all must be inside the unit circle, see stability()"
+            f"the variances are infinite: the sampled loop has a root of size {size:.6g}; all must "
+            "be inside the unit circle, see stability()"
         )
+    to_both = ct.ss(A, B[:, None], C, D[:, None], dt)
     if shaping is not None:
-        W = _shaping(shaping, dt)
-        n = B.size
-        A, B = block_diag(A, W.A), np.append(B * W.D, W.B)
-        A[:n, n:] = np.outer(loop.from_noise[1], W.C)
-        C, D = np.hstack([C, np.outer(D, W.C)]), D * W.D[0, 0]
-    P = _covariance(A, B)
-    y, u = (float(row @ P @ row + direct**2) for row, direct in zip(C, D, strict=True))
+        to_both = to_both * _shaping(shaping, dt)
+    P = _covariance(to_both.A, to_both.B)
+    y, u = np.diag(to_both.C @ P @ to_both.C.T + to_both.D @ to_both.D.T).tolist()
     return NoiseVariance(y, u)
 
 
@@ -51,7 +47,7 @@ def _covariance(A: FloatArray, B: FloatArray) -> FloatArray:
 
     States of very different sizes then do not disturb one another.
     """
-    P: FloatArray = np.outer(B, B)
+    P = B @ B.T
     while True:
         more = A @ P @ A.T
         if (np.abs(np.diag(more)) <= SUMMED * np.abs(np.diag(P))).all():
@@ -60,9 +56,9 @@ def _covariance(A: FloatArray, B: FloatArray) -> FloatArray:
 
 
 def _shaping(shaping: Any, dt: float) -> Any:
-    """Read a shaping filter as a state space."""
+    """Read a shaping filter: a number or a state space."""
     if is_number(shaping):
-        return ct.ss([], [], [], [[float(shaping)]], dt)
+        return float(shaping)
     if not isinstance(shaping, ct.TransferFunction | ct.StateSpace):
         raise TypeError(
             f"shaping is a {type(shaping).__name__}; give a discrete-time block, such as "
@@ -78,13 +74,9 @@ def _shaping(shaping: Any, dt: float) -> Any:
             f"discrete-time block with dt = {dt:g}"
         )
     system = ct.ss(shaping)
-    if _radius(system.A) >= STABLE:
+    if (size := np.abs(system.poles()).max(initial=0.0)) >= STABLE:
         raise ValueError(
-            f"shaping has a pole of size {_radius(system.A):.6g}: behind it noise has no finite "
+            f"shaping has a pole of size {size:.6g}: behind it noise has no finite "
             "power; every pole must be inside the unit circle"
         )
     return system
-
-
-def _radius(A: FloatArray) -> float:
-    return float(np.abs(np.linalg.eigvals(A)).max(initial=0.0))

@@ -113,7 +113,8 @@ class SampledLoop:
     @cached_property
     def p_B(self) -> CircleFunction:
         """Characteristic function of the observer loop on the unit circle."""
-        return CircleFunction((*self._denominator, self._numerator))
+        numerator, denominator = self._loop_gain
+        return CircleFunction((*denominator, numerator))
 
     @cached_property
     def _stability(self) -> SampledStability:
@@ -140,14 +141,9 @@ class SampledLoop:
         computation, for the loop to become unstable: whole samples turn L, fractions act on the
         hold.
         """
-        return self._margins
-
-    @cached_property
-    def _margins(self) -> Margins:
+        numerator, denominator = self._loop_gain
         stable = self._stability.observer_loop.stable
-        return sampled_margins(
-            self._numerator, self._denominator, self.process, self.controller, stable
-        )
+        return sampled_margins(numerator, denominator, self.process, self.controller, stable)
 
     def step_response(self, input: str, timepts: ArrayLike | None = None) -> ct.TimeResponseData:
         """Respond to a unit step, exactly between the samples, too.
@@ -174,7 +170,6 @@ class SampledLoop:
         shaping : control.TransferFunction, StateSpace or number, optional
             A stable discrete-time W(z) with the loop's sampling time, behind which the noise is
             coloured. By default η is white of unit variance; with a variance σ² give σ.
-
 
         Raises
         ------
@@ -303,33 +298,19 @@ class SampledLoop:
         return held_in_w(self.loop.fractions.G, self.dt, fraction=self.process.fraction)
 
     @cached_property
-    def _numerator(self) -> Product:
-        """Numerator of L = K G, N Dm Nf."""
-        built, fractions = self.blocks.built, self.blocks.fractions
-        Dm, waits = built.Dm.q, built.E.q
+    def _loop_gain(self) -> tuple[Product, tuple[Product, ...]]:
+        """N Dm Nf and D Nm (Df - Nf), numerator and denominator of L = K G in powers of v."""
+        built, (_, Gm, _, F) = self.blocks.built, self.blocks.fractions
+        Nm, Nf, Dm, waits = built.Nm.q, built.Nf.q, built.Dm.q, [(built.E.q, 0)]
         if self.model_delay:  # on a processor nothing cancels in (1 - F exp(-θm s)) Gm0
-            Dm, waits = fractions.Gm.den, fractions.F.den
-        degree = built.Nm.q.size + waits.size
-        return Product(
-            (
-                self._in_v(self.held.num, self.held.den.size),
-                self._in_v(Dm, degree - built.Nf.q.size),
-                self._in_v(built.Nf.q, built.Nf.q.size),
-            ),
-            self.process.samples,
-        )
-
-    @cached_property
-    def _denominator(self) -> tuple[Product, ...]:
-        """Denominator of L, D Nm (Df - Nf), term by term for a model with dead time."""
-        built, F = self.blocks.built, self.blocks.fractions.F
-        common = tuple(self._in_v(p, p.size) for p in (self.held.den, built.Nm.q))
-        if not self.model_delay:
-            return (Product((*common, self._in_v(built.E.q, built.E.q.size))),)
-        late = self._in_v(F.num, F.den.size)
-        terms = [Product((*common, self._in_v(F.den, F.den.size)))]
-        terms += [Product((*common, -weight * late), age) for weight, age in self.model_delay.terms]
-        return tuple(terms)
+            later = [(-weight * F.num, age) for weight, age in self.model_delay.terms]
+            Dm, waits = Gm.den, [(F.den, 0), *later]
+        D, size = self.held.den, waits[0][0].size
+        above = (self.held.num, D.size), (Dm, Nm.size + size - Nf.size), (Nf, Nf.size)
+        below = [((D, D.size), (Nm, Nm.size), (p, size)) for p, _ in waits]
+        num, *den = (tuple(self._in_v(*factor) for factor in term) for term in (above, *below))
+        denominator = tuple(Product(term, age) for term, (_, age) in zip(den, waits, strict=True))
+        return Product(num, self.process.samples), denominator
 
     def _in_v(self, p: FloatArray, size: int) -> FloatArray:
         """Powers of w as powers of v = αw, with leading zeros up to a size."""

@@ -75,7 +75,7 @@ def largest_sampling_time(
             sampled = SampledLoop(loop, dt, method, computation_delay)
         except ValueError:  # "zoh" where it is unsound
             return inf
-        return float(np.abs(np.linalg.eigvals(sampled.closed_loop.A)).max()) - 1
+        return sampled.closed_loop.spectral_radius - 1
 
     longest = max(loop.delay + computation_delay, loop.model_delay)
     bracket = _first_unstable(excess, _times(loop, longest))
@@ -103,13 +103,10 @@ def largest_sampling_time(
 
 def _times(loop: LoopEquations, delay: float) -> FloatArray:
     """Return the sampling times of the search, from short to long."""
-    G, Gm, C, F = loop.fractions
     rates = [np.abs(p.roots) for p in (loop.p_A, loop.p_B)]
-    rates += [np.abs(np.roots(p)) for p in (*G, *Gm, *C, *F)]
+    rates += [np.abs(np.roots(p)) for fraction in loop.fractions for p in fraction]
     found = np.concatenate(rates)
-    lengths = 1 / found[found > 0]
-    if delay:
-        lengths = np.append(lengths, delay)
+    lengths = np.append(1 / found[found > 0], [delay] if delay else [])
     first = max(FASTEST * lengths.min(), delay / SAMPLES)
     last = SLOWEST * lengths.max()
     return np.geomspace(first, last, max(2, int(np.log(last / first) / np.log(STEP)) + 1))

@@ -152,7 +152,9 @@ def _paired(zeros: ComplexArray, poles: ComplexArray, gain: float) -> tuple[Sect
         num = min(fitting, key=lambda num: abs(_mean(num) - _mean(den)), default=np.ones(1))
         nums = [other for other in nums if other is not num]
         sign = np.sign(gain) if not found else 1.0
-        found.append(_section(sign * share * num, den))
+        # Short factors are padded: a first-order one ends with 0, a numerator may begin with 0.
+        b = np.pad(sign * share * num, (den.size - num.size, 3 - den.size))
+        found.append(Section(*b.tolist(), *np.pad(den[1:], (0, 3 - den.size)).tolist()))
     return tuple(sorted(found, key=lambda section: section.integrates))
 
 
@@ -169,13 +171,6 @@ def _factors(roots: ComplexArray) -> list[FloatArray]:
 
 def _mean(factor: FloatArray) -> float:
     return float(-factor[1] / (factor.size - 1))
-
-
-def _section(num: FloatArray, den: FloatArray) -> Section:
-    """Write a monic `den` and a `num` of no higher order."""
-    after = [0.0] * (3 - den.size)
-    b = [*[0.0] * (den.size - num.size), *num.tolist(), *after]
-    return Section(*b, *den.tolist()[1:], *after)
 
 
 def _realised(section: Section) -> StateSpace:

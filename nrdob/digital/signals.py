@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from math import isfinite
+from math import inf, isfinite
 from typing import Any
 
 import numpy as np
@@ -41,17 +41,11 @@ def sample_times(
         raise ValueError(f"{unknown[0]!r} is no input; choose from {', '.join(EXTERNAL)}{hint}")
     if timepts is None:
         return np.asarray(np.arange(_common_length({**inputs, "noise": noise})) * dt)
-    try:
-        asked = np.asarray(timepts, dtype=float)
-    except (TypeError, ValueError):
-        raise TypeError(
-            f"timepts is {timepts!r:.60}; give the times of the samples in seconds, or the last one"
-        ) from None
+    asked = _numbers(timepts, "timepts", "the times of the samples in seconds, or the last one")
     if asked.ndim == 0:
-        last = float(asked)
-        if not (isfinite(last) and last >= 0):
-            raise ValueError(f"timepts is {last}; the last time is a number of seconds, 0 or more")
-        return np.asarray(np.arange(int(np.floor(last / dt + 1e-9)) + 1) * dt)
+        if not 0 <= asked < inf:
+            raise ValueError(f"timepts is {asked}; the last time is a number of seconds, 0 or more")
+        return np.asarray(np.arange(int(asked / dt + 1e-9) + 1) * dt)
     expected = np.arange(asked.size) * dt
     if asked.ndim != 1 or not asked.size:
         raise ValueError(f"timepts has the shape {asked.shape}; give the times of the samples")
@@ -67,7 +61,7 @@ def sample_times(
 
 
 def _common_length(signals: Mapping[str, Any]) -> int:
-    lengths = {name: np.shape(signal)[0] for name, signal in signals.items()
+    lengths: dict[str, int] = {name: np.shape(signal)[0] for name, signal in signals.items()
                if not callable(signal) and np.ndim(signal) == 1}  # fmt: skip
     if not lengths:
         raise ValueError(
@@ -76,8 +70,7 @@ def _common_length(signals: Mapping[str, Any]) -> int:
     if len(set(lengths.values())) > 1:
         said = ", ".join(f"{name} has {count}" for name, count in lengths.items())
         raise ValueError(f"the signals differ in length: {said} samples; make them equal")
-    count: int = next(iter(lengths.values()))
-    if not count:
+    if not (count := min(lengths.values())):
         raise ValueError("the signals are empty; give one value for each sample")
     return count
 
@@ -111,16 +104,10 @@ def external_signals(
 
 
 def _signal(signal: Any, name: str, time: FloatArray) -> FloatArray:
-    values = signal(time) if callable(signal) else signal
-    try:
-        found = np.asarray(values, dtype=float)
-    except (TypeError, ValueError):
-        raise TypeError(
-            f"{name} is {values!r:.60}; give a number, an array with one value for each sample, or "
-            "a function of the times"
-        ) from None
+    remedy = "a number, an array with one value for each sample, or a function of the times"
+    found = _numbers(signal(time) if callable(signal) else signal, name, remedy)
     if found.ndim == 0:
-        found = np.full(time.size, float(found))
+        found = np.full(time.size, found)
     if found.shape != time.shape:
         raise ValueError(
             f"{name} has the shape {found.shape}, and there are {time.size} samples: give one "
@@ -133,6 +120,13 @@ def _signal(signal: Any, name: str, time: FloatArray) -> FloatArray:
             "the gaps first"
         )
     return found
+
+
+def _numbers(values: Any, name: str, remedy: str) -> FloatArray:
+    try:
+        return np.asarray(values, dtype=float)
+    except (TypeError, ValueError):
+        raise TypeError(f"{name} is {values!r:.60}; give {remedy}") from None
 
 
 def finite(value: Any, name: str, remedy: str) -> float:

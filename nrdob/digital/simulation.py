@@ -7,10 +7,6 @@ block of m samples all that is proposed is p = O x + T w + S v, x being the stat
 and S strictly lower triangular. The parts in w are products of matrices, computed for all blocks at
 once. If every rule leaves p as it is, v = (I - S)^{-1}(O x + T w) is the answer for the whole
 block; otherwise the block is computed sample by sample, at one scalar product for each.
-
-An observer that receives the *applied* u has stable blocks driven by bounded signals while the
-actuator is at its limit. With the *commanded* u, F u is fed back on itself through 1/(1 - F), an
-integrator: the observer winds up.
 """
 
 from __future__ import annotations
@@ -94,7 +90,15 @@ def simulated(
     start: float | None,
 ) -> SimulatedResponse:
     """Run a loop on R, d, δ and η, shape (N, 4): see `SampledLoop.simulate`."""
-    states, before = _start(loop, external[0], start, rules)
+    states: FloatArray = np.zeros(len(loop.recursion.A))
+    before = [0.0] * len(rules)
+    if start is not None:
+        u = finite(start, "start", "give the constant u to take over from")
+        *converter, _ = rules
+        states, measured = loop.at_rest(
+            u, external[0], lambda y: converter[0].apply(y, y) if converter else y
+        )
+        before = [measured, u][-len(rules) :]
     entering = loop.entering(external, at_rest=start is not None)
     found = run(loop.recursion, states, entering, rules, before)
     found.check_finite()
@@ -175,20 +179,6 @@ def _step_times(
     return times
 
 
-def _start(
-    loop: ClosedLoop, first: FloatArray, manual: float | None, rules: Sequence[Rule]
-) -> tuple[FloatArray, list[float]]:
-    """States and decisions before the first sample: zero, or at rest under a constant u."""
-    if manual is None:
-        return np.zeros(len(loop.recursion.A)), [0.0] * len(rules)
-    u = finite(manual, "start", "give the constant u to take over from")
-    *converter, _ = rules
-    states, measured = loop.at_rest(
-        u, first, lambda y: converter[0].apply(y, y) if converter else y
-    )
-    return states, [measured, u][-len(rules) :]
-
-
 # The recursion, many samples at once.
 
 
@@ -207,14 +197,18 @@ class Run:
     samples: int
 
     @property
+    def length(self) -> int:
+        """Samples in a block, m."""
+        return int(self.decided.shape[1] // self.recursion.G.shape[1])
+
+    @property
     def decisions(self) -> FloatArray:
         """The decisions of each sample, shape (N, p)."""
         return self.decided.reshape(-1, self.recursion.G.shape[1])[: self.samples]
 
     def outputs(self, rows: tuple[FloatArray, FloatArray, FloatArray]) -> FloatArray:
         """Signals C x + D w + H v of each sample, shape (N, r), from their rows C, D and H."""
-        m = self.decided.shape[1] // self.recursion.G.shape[1]
-        from_states, from_inputs, from_decisions = _over_block(self.recursion, m, *rows)
+        from_states, from_inputs, from_decisions = _over_block(self.recursion, self.length, *rows)
         found = self.starts @ from_states.T
         found += self.inputs @ from_inputs.T
         found += self.decided @ from_decisions.T
@@ -224,11 +218,10 @@ class Run:
         """Raise an ArithmeticError if a state has left the range of floating-point numbers."""
         finite = np.isfinite(self.starts).all(axis=1) & np.isfinite(self.decided).all(axis=1)
         if not finite.all():
-            m = self.decided.shape[1] // self.recursion.G.shape[1]
             raise ArithmeticError(
                 "the signals leave the range of floating-point numbers near sample "
-                f"{int(np.argmin(finite)) * m}: the loop is unstable, or the limits are too narrow "
-                "for an unstable process; simulate fewer samples"
+                f"{int(np.argmin(finite)) * self.length}: the loop is unstable, or the limits are "
+                "too narrow for an unstable process; simulate fewer samples"
             )
 
 

@@ -81,32 +81,19 @@ class Product:
 
     def reach(self, angle: FloatArray, half: FloatArray) -> FloatArray:
         """How far the product can get from its value at `angle` within `half` an interval."""
-        sine, cosine = _half(angle)
+        a, b = self._linear
+        sizes = np.abs(_linear(a, b, angle))
+        moved = sizes + np.abs(a + b)[:, None] / 2 * half
+        far = moved.prod(axis=0) * (1 + np.minimum(self.samples * half, 2.0))
         leading = np.prod([_used(factor)[0] for factor in self.factors])
-        at = np.full(angle.shape, abs(leading))
-        far = at * (1 + np.minimum(self.samples * half, 2.0))
-        for root in self._roots:
-            size = np.abs(1j * sine - root * cosine)
-            far = far * (size + half * abs(1 + root) / 2)
-            at = at * size
-        for _ in range(sum(factor.size - _used(factor).size for factor in self.factors)):
-            far = far * (cosine + half / 2)
-            at = at * cosine
-        return np.asarray(far - at)
+        return np.asarray(abs(leading) * (far - sizes.prod(axis=0)))
 
     def slope(self, angle: FloatArray) -> ComplexArray:
         """Logarithmic derivative with respect to the angle; infinite at a zero on the circle."""
-        sine, cosine = _half(angle)
-        s, total = 1j * sine, np.full(angle.shape, -1j * self.samples)
+        a, b = self._linear
         with np.errstate(divide="ignore", invalid="ignore"):
-            for factor in self.factors:
-                degree = factor.size - 1
-                powers = np.arange(degree, -1, -1)
-                by_s, by_c = (factor * powers)[:-1], (factor * (degree - powers))[1:]
-                moved = 0.5j * cosine * _homogeneous(by_s, s, cosine)
-                moved = moved - 0.5 * sine * _homogeneous(by_c, s, cosine)
-                total = total + moved / _homogeneous(factor, s, cosine) - 0.5j * degree
-        return np.asarray(total)
+            each = -0.5j * _linear(b, a, angle) / _linear(a, b, angle)
+        return np.asarray(each.sum(axis=0) - 1j * (self.samples + a.size / 2))
 
     @property
     def inside(self) -> Product:
@@ -114,9 +101,13 @@ class Product:
         return Product(tuple(np.trim_zeros(factor) for factor in self.factors), self.samples)
 
     @cached_property
-    def _roots(self) -> ComplexArray:
-        found = [companion_roots(_used(factor)) for factor in self.factors if factor.any()]
-        return np.concatenate([*found, np.empty(0, dtype=complex)])
+    def _linear(self) -> tuple[ComplexArray, ComplexArray]:
+        """The a and b of the linear factors (a v - b)/(1 + v): a = 1 but for roots at z = -1."""
+        used = [_used(factor) for factor in self.factors]
+        roots = np.concatenate([np.empty(0, dtype=complex), *map(companion_roots, used)])
+        at_infinity = sum(factor.size for factor in self.factors) - sum(p.size for p in used)
+        finite = np.arange(roots.size + at_infinity) < roots.size
+        return finite.astype(complex), np.append(roots, np.ones(at_infinity))
 
 
 @dataclass(frozen=True, eq=False)
@@ -304,6 +295,12 @@ def _homogeneous(factor: FloatArray, x: ComplexArray | FloatArray, y: FloatArray
         value = value * x + coefficient * power
         power = power * y
     return np.asarray(value)
+
+
+def _linear(a: ComplexArray, b: ComplexArray, angle: FloatArray) -> ComplexArray:
+    """Linear factors a v - b over 1 + v, but for a turn that all share: one row for each."""
+    sine, cosine = _half(angle)
+    return np.asarray(np.multiply.outer(a, 1j * sine) - np.multiply.outer(b, cosine))
 
 
 def _used(factor: FloatArray) -> FloatArray:

@@ -40,9 +40,6 @@ MOST_STATES, MOST_ALONE = 300, 1000
 
 CLEARLY = 1e-6  # distance from the circle at which an eigenvalue is on its side, however rounded
 
-Second = tuple[int | None, str]
-"""The second count of the roots outside the unit circle, and its way; no way where there is none"""
-
 
 @dataclass(frozen=True, repr=False)
 class SampledStability(Stability):
@@ -107,18 +104,21 @@ def sampled_stability(
     both, found = (model_loop, observer_loop), None
     if None not in (counts := [part.closed_loop_rhp for part in both]):
         found = int(sum(filter(None, counts)))
-    by_values = _by_eigenvalues(values, found, p_B, model_loop, pair) if with_values else None
-    second, way = by_values or _by_sizes(model_loop, pair)
+    second, way = _second_count(values if with_values else None, found, p_B, model_loop, pair)
     ways = tuple(each for each in (TURNS, way) if each)
-    stable, reason = _compared(found, second, ways)
+    stable = None if found is None else found == 0
+    reason = f"p_A and p_B have all roots inside the unit circle, {' and '.join(ways)}"
+    if found is not None and way and second != found:
+        stable, told = None, "nothing" if second is None else second
+        reason = f"{TURNS} {found} roots are outside the unit circle, {way} {told}: no verdict"
     largest = np.append(np.abs(values[:1]), np.abs(observer_loop.rightmost))
     if found is None and (
         any(part.stable is False for part in both) or np.any(largest > 1 + CLEARLY)
     ):
         stable = False  # one root on the circle within rounding: others are clearly outside
-    if not stable:
+    if stable is False or found is None:
         failing = [f"{part.name}: {part.reason}" for part in both if part.stable is not True]
-        reason = "; ".join(failing) if stable is False or found is None else reason
+        reason = "; ".join(failing)
     if not with_values:
         reason += f"; the eigenvalues of its {states} states are left out"
         reason += "" if way else ", and there is no other second way"
@@ -126,45 +126,29 @@ def sampled_stability(
     return SampledStability(stable, reason, model_loop, observer_loop, loop, values, in_w)
 
 
-def _by_eigenvalues(
-    values: ComplexArray,
+def _second_count(
+    values: ComplexArray | None,
     found: int | None,
     p_B: CircleFunction,
     model_loop: LoopStability,
     pair: DelayedPair | None,
-) -> Second:
-    """Count eigenvalues outside the circle; in another way if they are too close to it."""
-    # With a short dt eigenvalues beside the circle may be on the wrong side; others may not.
-    size = np.abs(values)
-    count = int(np.sum(size > 1))
-    doubtful = np.sum(size > 1 + CLEARLY) <= (found or 0) <= np.sum(size > 1 - CLEARLY)
-    if found is None or count == found or not doubtful:
-        return count, EIGENVALUES
-    if (polynomial := p_B.polynomial) is not None:
-        return _with_model(polynomial.rhp_in_whole_numbers, model_loop), WHOLE_NUMBERS
-    return _by_sizes(model_loop, pair) if pair else (count, EIGENVALUES)
-
-
-def _by_sizes(model_loop: LoopStability, pair: DelayedPair | None) -> Second:
-    return (_with_model(pair.count(), model_loop), SIZES) if pair else (None, "")
-
-
-def _with_model(count: int | None, model_loop: LoopStability) -> int | None:
-    return None if count is None else count + int(model_loop.closed_loop_rhp or 0)
-
-
-def _compared(
-    found: int | None, second: int | None, ways: tuple[str, ...]
-) -> tuple[bool | None, str]:
-    """Compare the count by turns with the second one, if there is one."""
-    if found is None:
+) -> tuple[int | None, str]:
+    """Count the roots outside the unit circle again, and say by which way; "" if there is none."""
+    if values is not None:
+        # With a short dt eigenvalues beside the circle may be on the wrong side; others may not.
+        size = np.abs(values)
+        count = int(np.sum(size > 1))
+        doubtful = np.sum(size > 1 + CLEARLY) <= (found or 0) <= np.sum(size > 1 - CLEARLY)
+        other = p_B.polynomial or pair
+        if found is None or count == found or not doubtful or other is None:
+            return count, EIGENVALUES
+    if values is not None and p_B.polynomial is not None:
+        of_p_B, way = p_B.polynomial.rhp_in_whole_numbers, WHOLE_NUMBERS
+    elif pair is not None:
+        of_p_B, way = pair.count(), SIZES
+    else:
         return None, ""
-    if len(ways) > 1 and second != found:
-        turns, other = ways
-        told = "nothing" if second is None else second
-        reason = f"{turns} {found} roots are outside the unit circle, {other} {told}: no verdict"
-        return None, reason
-    return found == 0, f"p_A and p_B have all roots inside the unit circle, {' and '.join(ways)}"
+    return None if of_p_B is None else of_p_B + int(model_loop.closed_loop_rhp or 0), way
 
 
 def _model_loop(blocks: LoopEquations, dt: float) -> LoopStability:
@@ -213,7 +197,5 @@ def _without(values: ComplexArray, known: ComplexArray) -> ComplexArray:
 
 
 def _largest(roots: ComplexArray) -> complex:
-    if not roots.size:
-        return complex(nan, nan)
-    root = complex(roots[0])
+    root = complex(roots[0]) if roots.size else complex(nan, nan)
     return root.conjugate() if root.imag < 0 else root

@@ -113,6 +113,14 @@ def test_an_integrator_and_a_differentiator_stay_exact():
     assert held_in_w(fraction([1.0, 0.0], [1.0, 3.0, 2.0]), 0.3, fraction=0.5).num[-1] == 0
 
 
+def test_the_series_of_an_unstable_process_ends():
+    # Rounded down, its last term would stay at -1 in the last digit for ever.
+    den, dt = [1.0, 0.8785238977609302, -1.9886010147198556, -1.901535504894597], 1.5957739697585993
+    held = held_in_w(fraction([-0.12797586, -0.8586237], den), dt, fraction=0.9510734755857962)
+    expected = np.append(np.tanh(np.roots(den) * dt / 2), -1.0) * 2 / dt
+    assert np.sort_complex(np.roots(held.den)) == pytest.approx(np.sort_complex(expected), rel=1e-9)
+
+
 def test_a_whole_dead_time_turns_the_process_and_a_fraction_does_not():
     G, dt, w = 1 / (s + 1), 0.1, 1j * 7.0
     turn = (1 - w * dt / 2) / (1 + w * dt / 2)
