@@ -440,7 +440,7 @@ def _decided(stable: bool | None, reason: str) -> bool:
 def _vanishes(factor: QuasiPolynomial, s: ComplexArray) -> BoolArray:
     """Whether `factor` is zero at `s` within rounding."""
     # The root itself is known to about sqrt(rounding) of a double one at worst.
-    return np.asarray(np.abs(factor(s)) <= 1e-9 * np.polyval(factor.scale, np.abs(s)))
+    return np.asarray(np.abs(factor(s)) <= 1e-9 * factor.size(s))
 
 
 def _kind(p: QuasiPolynomial) -> str:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property, reduce
+from functools import cached_property
 from math import inf, pi, prod
 from typing import Any
 
@@ -132,16 +132,12 @@ class Quotient:
     def _den_size(self, s: ComplexArray) -> FloatArray:
         """Size of what is summed to give the denominator."""
         far, power = np.abs(s), self.zeros_at_origin
-        size = np.polyval(self._den_scale, far)
+        size = prod(f.without_origin.size(s) for f in self.den)
         if power < 0:
             size = size * far**-power
         if self.delay:
             size = size * np.exp(sum(f.delay for f in self.den) * np.maximum(-s.real, 0.0))
         return np.asarray(size)
-
-    @cached_property
-    def _den_scale(self) -> FloatArray:
-        return reduce(np.convolve, [f.without_origin.scale for f in self.den])
 
     def _careful(self, s: ComplexArray) -> ComplexArray:
         """Values where plain ones may be lost: at or beside a root, or beyond floating point.
@@ -312,9 +308,8 @@ class Quotient:
         sizes = np.abs(roots) if roots.size else np.ones(1)
         s = 1j * np.unique(np.outer([0.01, 0.5, 0.9, 0.999, 1.1, 2.0, 100.0], sizes))
         with np.errstate(all="ignore"):
-            allowed = 1e-9 + ROUNDING * sum(
-                np.polyval(f.scale, np.abs(s)) / np.abs(f(s)) for f in self.num + self.den
-            )
+            sizes = sum(f.size(s) / np.abs(f(s)) for f in self.num + self.den)
+            allowed = 1e-9 + ROUNDING * sizes
             return not np.any(np.abs(other(s) / self(s) - 1) > allowed)
 
 

@@ -11,13 +11,11 @@ from .arrays import ROUNDING, ComplexArray, FloatArray
 
 __all__ = [
     "add",
-    "drop",
     "exponential",
     "exponential_rest",
     "horner",
     "pade",
     "products",
-    "times_s",
     "trailing_zeros",
     "trim",
 ]
@@ -130,13 +128,3 @@ def trailing_zeros(coefficients: FloatArray) -> int:
         return 0
     used = np.flatnonzero(coefficients)
     return int(coefficients.size - 1 - used[-1]) if used.size else int(coefficients.size)
-
-
-def times_s(coefficients: FloatArray, power: int) -> FloatArray:
-    """Multiply by a power of s."""
-    return np.append(coefficients, np.zeros(power)) if coefficients.any() else coefficients
-
-
-def drop(coefficients: FloatArray, m: int) -> FloatArray:
-    """Divide by a power of s, without the remainder."""
-    return coefficients[:-m] if coefficients.size > m else np.zeros(1)
