@@ -170,17 +170,13 @@ def argument_change(terms: Sequence[Term], scale: FloatArray, origin: int = 1) -
             found_there = argument_change(*_in_unit(terms, scale, unit), origin)
             return replace(found_there, touched=tuple(w / unit for w in found_there.touched))
         near = _near_origin(terms, scale, high, origin)
-        if near is None:
-            start, angle = _pass_origin(terms, scale, high)
-            touched = ()
-        else:
-            start, rest = near.radius, _one([near.rest], near.scale, near.first, near.radius)
-            angle, touched = _indented(rest, _certified(rest, near.first, start), start)
-            angle += origin * pi / 2 + _angle(rest.constant, rest, near.first)
+        start, rest = near.radius, _one([near.rest], near.scale, near.first, near.radius)
+        angle, touched = _indented(rest, _certified(rest, near.first, start), start)
+        angle += near.multiplicity * pi / 2 + _angle(rest.constant, rest, near.first)
         sums = _one(terms, scale, start, high)
         more, passed = _indented(sums, _certified(sums, start, high), high)
         angle += more - _angle(sums.lead, sums, high)
-    return ArgumentChange(angle, (0.0, *touched, *passed), near is not None)
+    return ArgumentChange(angle, (0.0, *touched, *passed), near.multiplicity == origin)
 
 
 def zero_free_frequencies(terms: Sequence[Term], scale: FloatArray, origin: int = 1) -> FloatArray:
@@ -199,9 +195,8 @@ def zero_free_frequencies(terms: Sequence[Term], scale: FloatArray, origin: int 
             if (unit := _unit(terms)) != 1:
                 return zero_free_frequencies(*_in_unit(terms, scale, unit), origin) / unit
             near = _near_origin(terms, scale, high, origin)
-            low = near.radius if near else 1e-12 * high
-            if near is not None:
-                before = np.append(0.0, _segments([near.rest], near.scale, near.first, low)[:-1])
+            low = near.radius
+            before = np.append(0.0, _segments([near.rest], near.scale, near.first, low)[:-1])
         return np.append(before, _segments(terms, scale, low, high))
 
 
@@ -320,7 +315,7 @@ def _half_circles(sums: Sums, vanishing: list[Stretches]) -> list[tuple[float, f
         if passed and low <= passed[-1][1]:
             a = passed.pop()[0]
         centre, radius = (a + b) / 2, max((b - a) / 2, 1e-15 * b)
-        while (angle := _on_arc(sums, centre, radius, -pi / 2)) is None:
+        while (angle := _on_half_circle(sums, centre, radius)) is None:
             radius *= 4
             if radius > 0.3 * centre:
                 angle = nan
@@ -352,47 +347,32 @@ def _in_unit(
 class _Near(NamedTuple):
     """A sum near its zero at s = 0: within the radius a polynomial times a power of s."""
 
+    multiplicity: int
     rest: Term
     scale: FloatArray
     first: float
     radius: float
 
 
-def _near_origin(
-    terms: Sequence[Term], scale: FloatArray, high: float, multiplicity: int
-) -> _Near | None:
-    """Divide a zero at s = 0 out of the Taylor series; None if it is of higher multiplicity."""
-    count = multiplicity + scale.size + SERIES
+def _near_origin(terms: Sequence[Term], scale: FloatArray, high: float, least: int) -> _Near:
+    """Divide a zero at s = 0 out of the Taylor series, and lower coefficients that are rounding."""
+    count = least + scale.size + SERIES
     c, sizes = np.zeros(count), np.zeros(count)
     sizes[: scale.size] = scale[::-1]
     for q, T in terms:
         series = np.cumprod(np.append(1.0, T / np.arange(1.0, count)))
         c += np.convolve(q[::-1], (-1.0) ** np.arange(count) * series)[:count]
         sizes += np.convolve(np.abs(q[::-1]), series)[:count] * (T > 0)
-    c, sizes = c[multiplicity:], sizes[multiplicity:]
-    if abs(c[0]) <= ROUNDING * sizes[0]:
-        return None
+    m = least + int(np.argmax(np.abs(c[least:]) > ROUNDING * sizes[least:]))
     radius = min([high, *(1 / T for _, T in terms if T)])
-    rest, scale = Term(np.trim_zeros(c[::-1], "f"), 0.0), sizes[::-1]
+    rest, scale = Term(np.trim_zeros(c[: m - 1 : -1], "f"), 0.0), sizes[: m - 1 : -1]
     first, _ = _range_of_one([rest], scale)
-    return _Near(rest, scale, min(first or radius, radius), radius)
+    return _Near(m, rest, scale, min(first or radius, radius), radius)
 
 
-def _pass_origin(terms: Sequence[Term], scale: FloatArray, high: float) -> tuple[float, float]:
-    """Pass s = 0 by a quarter circle: its radius, and the change on the way."""
-    slowest = 1 / float(_dominance_radius((scale[-2::-1] / scale[-1])[:, None])[0])
-    radius = 1e-15 * min([high, slowest, *(1 / delay for _, delay in terms if delay)])
-    sums = _one(terms, scale, radius, high)
-    while (angle := _on_arc(sums, 0.0, radius, 0.0)) is None:
-        radius *= 4
-        if radius > high:
-            return high / 2, nan
-    return radius, angle
-
-
-def _on_arc(sums: Sums, centre: float, radius: float, start: float) -> float | None:
-    """Change on the arc from `start` to a right angle; None where it is not certain."""
-    steps = np.linspace(start, pi / 2, ARCS + 1)
+def _on_half_circle(sums: Sums, centre: float, radius: float) -> float | None:
+    """Change on the half circle on the right of j·centre; None where it is not certain."""
+    steps = np.linspace(-pi / 2, pi / 2, ARCS + 1)
     ends = 1j * centre + radius * np.exp(1j * steps)
     middles = 1j * centre + radius * np.exp(1j * (steps[:-1] + steps[1:]) / 2)
     reach = radius * (steps[1] - steps[0]) / 2
