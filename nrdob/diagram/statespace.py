@@ -21,11 +21,10 @@ from functools import lru_cache
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+
+from ..numerics import FloatArray
 
 __all__ = ["MAX_STATES", "polynomials"]
-
-FloatArray = NDArray[np.floating[Any]]
 
 MAX_STATES = 24  # whole numbers grow with the number of states; more would take over half a second
 

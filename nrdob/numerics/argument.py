@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from itertools import chain
 from math import ceil, log2, nan, pi, sqrt
 from typing import NamedTuple
 
@@ -119,9 +120,20 @@ def frequency_range(
     terms, scale : sequence of ManyTerms, (k, n) array of float
         As for `rhp_counts`.
     """
+    lead = np.abs(terms[0].q[0])
+    rising = np.zeros((len(scale) + 1, scale.shape[1]))  # ascending
+    rising[:-1] = scale[::-1]
+    for q, delay in terms[1:]:  # |exp(-jωT) - 1| <= ωT
+        rising[1 : len(q) + 1] += np.abs(q[::-1]) * delay
+        if len(q) == len(scale):
+            lead = lead - np.abs(q[0])
+    constant = np.abs(sum(term.q[-1] for term in terms))
     with np.errstate(all="ignore"):
-        low, high, led = _range(terms, scale)
-    return low, high, (low > 0) & led & np.isfinite(scale).all(axis=0)
+        low = 1 / _dominance_radius(rising[1:] / constant)
+        high = _dominance_radius(scale[1:] / lead)
+    low = np.where(constant > ROUNDING * scale[-1], low, 0.0)
+    certain = (low > 0) & (lead > ROUNDING * scale[0]) & np.isfinite(scale).all(axis=0)
+    return low, high, certain
 
 
 def zero_free(
@@ -229,7 +241,7 @@ def _columns(terms: Sequence[Term]) -> list[ManyTerms]:
 
 
 def _range_of_one(terms: Sequence[Term], scale: FloatArray) -> tuple[float, float]:
-    low, high, _ = _range(_columns(terms), scale[:, None])
+    low, high, _ = frequency_range(_columns(terms), scale[:, None])
     return float(low[0]), float(high[0])
 
 
@@ -253,27 +265,6 @@ def _of_low_degree(q: FloatArray, scale: FloatArray) -> float | None:
     if abs(b) * omega <= ROUNDING * ((sizes[0] * omega + sizes[1]) * omega + size):
         return None
     return pi if (b > 0) == (c > 0) else -pi
-
-
-def _range(
-    terms: Sequence[ManyTerms], scale: FloatArray
-) -> tuple[FloatArray, FloatArray, BoolArray]:
-    """Frequencies below and above which the constant and the leading term dominate.
-
-    The lower one is 0 where the constant is only rounding; whether the leading coefficient is more.
-    """
-    lead = np.abs(terms[0].q[0])
-    rising = np.zeros((len(scale) + 1, scale.shape[1]))  # ascending
-    rising[:-1] = scale[::-1]
-    for q, delay in terms[1:]:  # |exp(-jωT) - 1| <= ωT
-        rising[1 : len(q) + 1] += np.abs(q[::-1]) * delay
-        if len(q) == len(scale):
-            lead = lead - np.abs(q[0])
-    constant = np.abs(sum(term.q[-1] for term in terms))
-    low = 1 / _dominance_radius(rising[1:] / constant)
-    high = _dominance_radius(scale[1:] / lead)
-    low = np.where(constant > ROUNDING * scale[-1], low, 0.0)
-    return low, high, lead > ROUNDING * scale[0]
 
 
 def _dominance_radius(ratios: FloatArray) -> FloatArray:
@@ -302,13 +293,9 @@ def _indented(sums: Sums, found: Certified, last: float) -> tuple[float, tuple[f
 
 def _half_circles(sums: Sums, vanishing: list[Stretches]) -> list[tuple[float, float, float]]:
     """Half circles around zeros on the axis: low, high, change on the way."""
-    ends = (
-        pair
-        for part in vanishing
-        for pair in zip(part.left.tolist(), part.right.tolist(), strict=True)
-    )
+    ends = [np.stack([part.left, part.right], axis=1).tolist() for part in vanishing]
     passed: list[tuple[float, float, float]] = []
-    for low, high in sorted(ends):
+    for low, high in sorted(chain.from_iterable(ends)):
         if passed and high <= passed[-1][1]:
             continue
         a, b = low, high

@@ -9,16 +9,7 @@ import numpy as np
 
 from .arrays import ROUNDING, ComplexArray, FloatArray
 
-__all__ = [
-    "add",
-    "exponential",
-    "exponential_rest",
-    "horner",
-    "pade",
-    "products",
-    "trailing_zeros",
-    "trim",
-]
+__all__ = ["add", "exponential", "exponential_rest", "horner", "pade", "trailing_zeros", "trim"]
 
 NEAR = 1.0  # size of z up to which the rest of exp(z) is summed up: a difference loses digits
 
@@ -44,16 +35,12 @@ def exponential_rest(z: ComplexArray, m: int, *, divided: bool = False) -> Compl
         return np.asarray(np.exp(z))
     if m == 1 and not divided:
         return np.asarray(np.expm1(z))
-    near = np.abs(z) <= (NEAR if m > 1 else 0.0)
-    far = np.where(near, 1.0, z)
-    rest = np.expm1(far)
-    for k in range(1, m):
-        rest = rest - far**k / factorial(k)
+    near = np.abs(z) <= NEAR
+    close, far = np.where(near, z, 0.0), np.where(near, 1.0, z)
     series = np.ones_like(z)
-    if m > 1:
-        close = np.where(near, z, 0.0)
-        for k in range(m + 18, m, -1):  # (…(z/k + 1) z/(k - 1) + 1)…
-            series = series * close / k + 1.0
+    for k in range(m + 18, m, -1):  # (…(z/k + 1) z/(k - 1) + 1)…
+        series = series * close / k + 1.0
+    rest = np.expm1(far) - sum(far**k / factorial(k) for k in range(1, m))
     value = np.where(near, series / factorial(m), rest / far**m)
     return np.asarray(value if divided else value * z**m)
 
@@ -103,14 +90,6 @@ def horner(coefficients: FloatArray, s: ComplexArray) -> Any:
     for coefficient in others:
         value = value * s + coefficient
     return value
-
-
-def products(coefficients: FloatArray, size: int) -> FloatArray:
-    """Matrix that multiplies polynomials of `size` coefficients by one."""
-    matrix = np.zeros((coefficients.size + size - 1, size))
-    for k in range(size):
-        matrix[k : k + coefficients.size, k] = coefficients
-    return matrix
 
 
 def trim(coefficients: FloatArray, scale: FloatArray) -> FloatArray:

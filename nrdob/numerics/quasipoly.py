@@ -24,14 +24,7 @@ import numpy as np
 
 from .argument import ArgumentChange, Term, argument_change
 from .arrays import ROUNDING, BoolArray, ComplexArray, FloatArray
-from .coefficients import (
-    add,
-    exponential,
-    exponential_rest,
-    horner,
-    trailing_zeros,
-    trim,
-)
+from .coefficients import add, exponential, exponential_rest, horner, trailing_zeros, trim
 from .crossingcount import count_by_crossings, crossings_between
 from .exact import rhp_count, whole
 from .longdelay import rightmost_roots
@@ -122,8 +115,6 @@ class QuasiPolynomial:
     @property
     def degree(self) -> int:
         """Highest power of s that occurs."""
-        if not self.delay:
-            return int(self.q.size - 1)
         return max(term.q.size for term in self.terms) - 1 - self.divided
 
     @property
