@@ -9,7 +9,7 @@ those that vanish are left open.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from itertools import chain
 from math import ceil, log2, nan, pi, sqrt
 from typing import NamedTuple
@@ -169,26 +169,19 @@ def argument_change(terms: Sequence[Term], scale: FloatArray, origin: int = 1) -
     if len(terms) == 1 and degree <= 2 and (angle := _of_low_degree(lead, scale)) is not None:
         return ArgumentChange(angle)
     with np.errstate(all="ignore"):
-        low, high = _range_of_one(terms, scale)
-        if low:
-            sums = _one(terms, scale, low, high)
-            found = _certified(sums, low, high)
-            if not found.vanishing:
+        zeros, legs, unit = _legs(terms, scale, origin)
+        angle, touched = zeros * pi / 2, [0.0] * (zeros > 0)
+        for leg in legs:
+            sums = leg.sums()
+            found = _certified(sums, leg.low, leg.high)
+            if len(legs) == 1 and not found.vanishing:
                 return ArgumentChange(float(sums.changes(found.rounds)[0]))
-            angle, touched = _indented(sums, found, high)
-            angle += _angle(sums.constant, sums, low) - _angle(sums.lead, sums, high)
-            return ArgumentChange(angle, touched)
-        if (unit := _unit(terms)) != 1:
-            found_there = argument_change(*_in_unit(terms, scale, unit), origin)
-            return replace(found_there, touched=tuple(w / unit for w in found_there.touched))
-        near = _near_origin(terms, scale, high, origin)
-        start, rest = near.radius, _one([near.rest], near.scale, near.first, near.radius)
-        angle, touched = _indented(rest, _certified(rest, near.first, start), start)
-        angle += near.multiplicity * pi / 2 + _angle(rest.constant, rest, near.first)
-        sums = _one(terms, scale, start, high)
-        more, passed = _indented(sums, _certified(sums, start, high), high)
-        angle += more - _angle(sums.lead, sums, high)
-    return ArgumentChange(angle, (0.0, *touched, *passed), near.multiplicity == origin)
+            if leg is legs[0]:
+                angle += _angle(sums.constant, sums, leg.low)
+            more, passed = _indented(sums, found, leg.high)
+            angle, touched = angle + more, touched + passed
+        angle -= _angle(sums.lead, sums, leg.high)
+    return ArgumentChange(angle, tuple(w / unit for w in touched), zeros in (0, origin))
 
 
 def zero_free_frequencies(terms: Sequence[Term], scale: FloatArray, origin: int = 1) -> FloatArray:
@@ -201,25 +194,57 @@ def zero_free_frequencies(terms: Sequence[Term], scale: FloatArray, origin: int 
     if terms[0].q.size == 1:
         return np.zeros(1)
     with np.errstate(all="ignore"):
-        low, high = _range_of_one(terms, scale)
-        before: FloatArray = np.zeros(1)
-        if not low:
-            if (unit := _unit(terms)) != 1:
-                return zero_free_frequencies(*_in_unit(terms, scale, unit), origin) / unit
-            near = _near_origin(terms, scale, high, origin)
-            low = near.radius
-            before = np.append(0.0, _segments([near.rest], near.scale, near.first, low)[:-1])
-        return np.append(before, _segments(terms, scale, low, high))
+        _, legs, unit = _legs(terms, scale, origin)
+        return np.unique(np.concatenate([np.zeros(1), *map(_segments, legs)])) / unit
 
 
-def _segments(terms: Sequence[Term], scale: FloatArray, low: float, high: float) -> FloatArray:
+class _Leg(NamedTuple):
+    """A part of the axis, and the sum to follow there."""
+
+    terms: Sequence[Term]
+    scale: FloatArray
+    low: float
+    high: float
+
+    def sums(self) -> Sums:
+        return Sums.between(_columns(self.terms), self.scale[:, None], self.low, self.high)
+
+
+def _legs(terms: Sequence[Term], scale: FloatArray, origin: int) -> tuple[int, list[_Leg], float]:
+    """Give zeros at s = 0, the axis from there to where the leading term dominates, and its unit.
+
+    A zero at s = 0, with all lower coefficients that are rounding, is divided out of the Taylor
+    series, which stands for the sum on the first part.
+    """
+    low, high = _range_of_one(terms, scale)
+    if low:
+        return 0, [_Leg(terms, scale, low, high)], 1.0
+    if (unit := _unit(terms)) != 1:
+        terms, scale = _in_unit(terms, scale, unit)
+        _, high = _range_of_one(terms, scale)
+    count = origin + scale.size + SERIES
+    c, sizes = np.zeros(count), np.zeros(count)
+    sizes[: scale.size] = scale[::-1]
+    for q, T in terms:
+        series = np.cumprod(np.append(1.0, T / np.arange(1.0, count)))
+        c += np.convolve(q[::-1], (-1.0) ** np.arange(count) * series)[:count]
+        sizes += np.convolve(np.abs(q[::-1]), series)[:count] * (T > 0)
+    zeros = origin + int(np.argmax(np.abs(c[origin:]) > ROUNDING * sizes[origin:]))
+    radius = min([high, *(1 / T for _, T in terms if T)])
+    rest, size = [Term(np.trim_zeros(c[: zeros - 1 : -1], "f"), 0.0)], sizes[: zeros - 1 : -1]
+    first, _ = _range_of_one(rest, size)
+    near = _Leg(rest, size, min(first or radius, radius), radius)
+    return zeros, [near, _Leg(terms, scale, radius, high)], unit
+
+
+def _segments(leg: _Leg) -> FloatArray:
     """Return ends and middles of certified stretches; with a dominant term where there are many."""
-    sums = _one(terms, scale, low, high)
-    found = certified(sums, low, high, MAX_SEGMENTS, dominance=False)
+    sums = leg.sums()
+    found = certified(sums, leg.low, leg.high, MAX_SEGMENTS, dominance=False)
     if found.given_up[0]:
-        found = _certified(sums, low, high)
+        found = _certified(sums, leg.low, leg.high)
     _, left, right, _ = Stretches.joined(found.rounds)
-    return np.unique(np.concatenate([[low], left, (left + right) / 2, right]))
+    return np.concatenate([[leg.low], left, (left + right) / 2, right])
 
 
 def _certified(sums: Sums, low: float, high: float) -> Certified:
@@ -230,10 +255,6 @@ def _certified(sums: Sums, low: float, high: float) -> Certified:
             "dead time is too long for terms of so nearly equal size"
         )
     return found
-
-
-def _one(terms: Sequence[Term], scale: FloatArray, low: float, high: float) -> Sums:
-    return Sums.between(_columns(terms), scale[:, None], low, high)
 
 
 def _columns(terms: Sequence[Term]) -> list[ManyTerms]:
@@ -280,7 +301,7 @@ def _outside(stretches: Stretches, low: float, high: float) -> Stretches:
     return Stretches.joined([part.where(part.left < part.right) for part in (below, above)])
 
 
-def _indented(sums: Sums, found: Certified, last: float) -> tuple[float, tuple[float, ...]]:
+def _indented(sums: Sums, found: Certified, last: float) -> tuple[float, list[float]]:
     """Change where zeros are passed by half circles on the right, and the frequencies of these."""
     stretches, angle = Stretches.joined(found.rounds), 0.0
     passed = _half_circles(sums, found.vanishing)
@@ -288,7 +309,7 @@ def _indented(sums: Sums, found: Certified, last: float) -> tuple[float, tuple[f
         stretches = _outside(stretches, low, high)
         angle += around if high < last else nan
     angle += float(sums.changes_over(stretches)[0])
-    return angle, tuple((low + high) / 2 for low, high, _ in passed)
+    return angle, [(low + high) / 2 for low, high, _ in passed]
 
 
 def _half_circles(sums: Sums, vanishing: list[Stretches]) -> list[tuple[float, float, float]]:
@@ -329,32 +350,6 @@ def _in_unit(
         return q * (1 / unit) ** np.arange(q.size - 1, -1, -1)
 
     return [Term(slower(q), T / unit) for q, T in terms], slower(scale)
-
-
-class _Near(NamedTuple):
-    """A sum near its zero at s = 0: within the radius a polynomial times a power of s."""
-
-    multiplicity: int
-    rest: Term
-    scale: FloatArray
-    first: float
-    radius: float
-
-
-def _near_origin(terms: Sequence[Term], scale: FloatArray, high: float, least: int) -> _Near:
-    """Divide a zero at s = 0 out of the Taylor series, and lower coefficients that are rounding."""
-    count = least + scale.size + SERIES
-    c, sizes = np.zeros(count), np.zeros(count)
-    sizes[: scale.size] = scale[::-1]
-    for q, T in terms:
-        series = np.cumprod(np.append(1.0, T / np.arange(1.0, count)))
-        c += np.convolve(q[::-1], (-1.0) ** np.arange(count) * series)[:count]
-        sizes += np.convolve(np.abs(q[::-1]), series)[:count] * (T > 0)
-    m = least + int(np.argmax(np.abs(c[least:]) > ROUNDING * sizes[least:]))
-    radius = min([high, *(1 / T for _, T in terms if T)])
-    rest, scale = Term(np.trim_zeros(c[: m - 1 : -1], "f"), 0.0), sizes[: m - 1 : -1]
-    first, _ = _range_of_one([rest], scale)
-    return _Near(m, rest, scale, min(first or radius, radius), radius)
 
 
 def _on_half_circle(sums: Sums, centre: float, radius: float) -> float | None:
