@@ -77,11 +77,8 @@ class QuasiPolynomial:
     def __post_init__(self) -> None:
         q, r = np.asarray(self.q, dtype=float), np.asarray(self.r, dtype=float)
         scale = self.scale
-        if not (self.delay or self.more):
-            sizes = np.abs(q)
-            if r.any():
-                q, sizes = add(q, r), add(sizes, np.abs(r))
-            scale = scale if scale.size else sizes
+        if not (self.delay or self.more or r.any()):  # the usual polynomial, in less time
+            scale = scale if scale.size else np.abs(q)
             q = trim(q, scale)
             self.__dict__.update(q=q, r=np.zeros(1), scale=scale[-q.size :])
             return
@@ -128,9 +125,8 @@ class QuasiPolynomial:
             return 0.0
         if max(term.q.size for term in self.delayed) > self.q.size or not self.q.any():
             return inf
-        return float(sum(abs(p[0]) for p, _ in self.delayed if p.size == self.q.size)) / float(
-            abs(self.q[0])
-        )
+        leading = sum(abs(p[0]) for p, _ in self.delayed if p.size == self.q.size)
+        return float(leading / abs(self.q[0]))
 
     @cached_property
     def zeros_at_origin(self) -> int:
