@@ -40,7 +40,7 @@ import numpy as np
 from scipy.signal import convolve2d
 
 from ..design import Axis, Border, StabilityChart, stability_chart, stabilizing_time_constants
-from ..diagram import FilterFamily, filter_family, real_number
+from ..diagram import FilterFamily, real_number
 from ..loop import NRDOB
 from ..numerics import is_whole
 from ..uncertain import gain_intervals
@@ -101,7 +101,7 @@ def adrc_filters(order: int, controller_bandwidth: float) -> FilterFamily:
     # Tables with a row for each power of s and a column for each power of λ, both descending.
     lag, observer = np.array([[1 / wc], [1.0]]), np.array([[1.0, 0.0], [0.0, 1.0]])
     den = reduce(convolve2d, [lag] * m + [observer] * (m + 1))
-    return filter_family("own", num=den[-(m + 1) :].tolist(), den=den.tolist())
+    return FilterFamily("own", den[-(m + 1) :], den)
 
 
 def adrc_stabilizing_bandwidths(

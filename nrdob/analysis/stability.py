@@ -370,10 +370,7 @@ def _judged(
         return True, f"no roots in the right half plane{neutral}{told}", ways
     right = roots[roots.real > 0]
     # A root itself is known to about sqrt(rounding) of a double one at worst.
-    hidden = [
-        np.abs(factor(right)) <= 1e-9 * np.polyval(factor.scale, np.abs(right))
-        for factor in open_loop
-    ]
+    hidden = [np.abs(factor(right)) <= 1e-9 * factor.size(right) for factor in open_loop]
     if np.any(hidden):
         pole = written(right[np.any(hidden, axis=0)][0])
         told = f", of which s = {pole} is an open-loop pole that cancels out of sight{told}"

@@ -29,7 +29,7 @@ import control as ct
 import numpy as np
 
 from ..diagram import as_fraction, nonzero
-from ..numerics import FloatArray, QuasiPolynomial, add, count_rhp, without_shared_factor, written
+from ..numerics import FloatArray, QuasiPolynomial, add, count_rhp, shared_factor, written
 from .existence import Answer, roots_by_side
 
 __all__ = ["ObserverForm", "observer_form", "stable_model_exists"]
@@ -161,7 +161,7 @@ def stable_model_exists(controller: Any) -> Answer:
     no: between the zeros 1 and ∞ of K there is an odd number of its real poles (1), at 2
     """
     K = nonzero(as_fraction(controller, "controller"), "controller")
-    num, den = without_shared_factor(QuasiPolynomial(K.num), QuasiPolynomial(K.den))
+    _, num, den = shared_factor(QuasiPolynomial(K.num), QuasiPolynomial(K.den))
     zeros, poles = _real_right(num), _real_right(den)
     ends = [*zeros, *([np.inf] if den.degree > num.degree else [])]
     if len(ends) < 2:
@@ -184,7 +184,7 @@ def stable_model_exists(controller: Any) -> Answer:
 
 def _block(num: FloatArray, den: FloatArray, constant: float) -> ct.TransferFunction:
     """Build num/(constant den) in lowest terms, the constant coefficient of the denominator 1."""
-    top, bottom = without_shared_factor(QuasiPolynomial(num / constant), QuasiPolynomial(den))
+    _, top, bottom = shared_factor(QuasiPolynomial(num / constant), QuasiPolynomial(den))
     return ct.tf(top.q / bottom.q[-1], bottom.q / bottom.q[-1])
 
 

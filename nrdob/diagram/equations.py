@@ -220,10 +220,7 @@ class _ObserverMaps:
         _, Gm, F = self._observer_fractions
         num, den, filter_num = map(QuasiPolynomial, (*Gm, F.num))
         gz, Nm, Nf = _shared(num, filter_num, keep=self.keep_factors)
-        if self.model_delay and not self.keep_factors:
-            gp, Dm, E = _shared_origin(den, self.one_minus_F)
-        else:
-            gp, Dm, E = _shared(den, self.one_minus_F, keep=self.keep_factors)
+        gp, Dm, E = _shared(den, self.one_minus_F, keep=self.keep_factors)
         return BuiltFactors(Nm, Nf, Dm, E, gz, gp)
 
     @cached_property
@@ -420,17 +417,14 @@ class LoopEquations(_ObserverMaps):
 
 
 def _shared(model: QuasiPolynomial, filter: QuasiPolynomial, *, keep: bool) -> Shared:
-    """Take out what a numerator or denominator of the model shares with one of the filter's."""
+    """Take out what a polynomial of the model shares with the filter's; of a delayed one s only."""
+    one = QuasiPolynomial(np.ones(1))
     if keep or not (model.degree and filter.degree):
-        return Shared(QuasiPolynomial(np.ones(1)), model, filter)
-    return shared_factor(model, filter)
-
-
-def _shared_origin(model: QuasiPolynomial, filter: QuasiPolynomial) -> Shared:
-    """Take out the zeros at s = 0 that a model's poles share with 1 - F exp(-θm s)."""
+        return Shared(one, model, filter)
+    if not filter.delay:
+        return shared_factor(model, filter)
     power = min(model.zeros_at_origin, filter.zeros_at_origin)
-    common = QuasiPolynomial(np.ones(1)).lifted(power)
-    return Shared(common, model.over_s(power), filter.over_s(power))
+    return Shared(one.lifted(power), model.over_s(power), filter.over_s(power))
 
 
 def _zeros_of_difference(den: FloatArray, num: FloatArray, delay: float) -> int:

@@ -14,40 +14,42 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
-from math import comb, factorial, pi
+from math import comb, factorial
 from typing import Any
 
 import control as ct
 import numpy as np
+from scipy import signal
 
 from ..numerics import FloatArray
-from .blocks import is_number
 from .filters import TYPED_IN, LowPassFilter
 from .interpolation import check_ramp, interpolation
 
 __all__ = ["FilterFamily", "as_family", "filter_family"]
 
-OWN = (
-    "give one row for each power of s, descending, and in it the coefficients of the powers of λ, "
-    "descending, or a number: 1/((λs + 1)(2λs + 1)) is num=[1], den=[[2, 0, 0], [3, 0], 1]"
-)
-
 
 @dataclass(frozen=True, eq=False, repr=False)
 class FilterFamily:
-    """A filter for every time constant; made by `filter_family`.
+    """A filter for every time constant; made by `filter_family`, or from tables of coefficients.
 
     Attributes
     ----------
     kind : str
-        The name of the family.
+        The name of the family; "own" for other tables than those of `filter_family`.
     num, den : (n, m) array of float
-        A row for each power of s, a column for each power of λ, both descending.
+        A row for each power of s, a column for each power of λ, both descending. The last rows,
+        which belong to s^0, are the same, so that F(0) = 1 for every λ.
 
     Examples
     --------
     >>> filter_family("binomial", 3).at(0.5).time_constant
     0.5
+
+    A lag of a tenth of the time constant, as a sensor may have it, behind the one that is chosen:
+
+    >>> num, den = np.ones((1, 1)), np.array([[0.1, 0, 0], [0, 1.1, 0], [0, 0, 1]])
+    >>> FilterFamily("own", num, den).at(2.0).den[0][0].round(6).tolist()
+    [0.4, 2.2, 1.0]
     """
 
     kind: str
@@ -72,8 +74,11 @@ class FilterFamily:
     @cached_property
     def difference(self) -> FloatArray:
         """Coefficients of Df - Nf, without what is only rounding."""
-        rows, columns = np.maximum(self.num.shape, self.den.shape).tolist()
-        num, den = (_padded(table, rows, columns) for table in (self.num, self.den))
+        shape = np.maximum(self.num.shape, self.den.shape)
+        num, den = (
+            np.pad(table, [(n - own, 0) for n, own in zip(shape, table.shape, strict=True)])
+            for table in (self.num, self.den)
+        )
         found = den - num
         return np.where(np.abs(found) <= TYPED_IN * (np.abs(den) + np.abs(num)), 0.0, found)
 
@@ -116,8 +121,6 @@ def filter_family(
     *,
     ramp: int | None = None,
     model: Any = None,
-    num: Any = None,
-    den: Any = None,
 ) -> FilterFamily:
     r"""Give a family of filters, to be taken wherever the order of eq. (1) is.
 
@@ -132,17 +135,13 @@ def filter_family(
           :math:`1 - F \sim \lambda s`;
         - "ramp": the lowest terms of :math:`(\lambda s + 1)^n` over it, so many that
           :math:`1 - F \sim s^k` with k = `ramp`;
-        - "interpolating": `nrdob.interpolating_filter` for a `model`;
-        - "own": coefficients that are polynomials in λ, `num` and `den`.
+        - "interpolating": `nrdob.interpolating_filter` for a `model`.
     order : int, optional
         n, the degree of the denominator; may be left out for "interpolating".
     ramp : int, optional
         Zeros of 1 - F at s = 0, for "ramp" (by default 2) and "interpolating" (by default 1).
     model : as for `nrdob.NRDOB`, optional
         For "interpolating"; of a delayed one only integrators are interpolated.
-    num, den : list of rows, optional
-        For "own", where F(0) has to be 1 for every λ: a row for each power of s, descending, with
-        the coefficients of the powers of λ, descending; a number is a constant.
 
     Returns
     -------
@@ -152,8 +151,7 @@ def filter_family(
     Raises
     ------
     TypeError, ValueError
-        If there is no such kind; if it lacks something, or cannot take what is given; if the
-        coefficients are no polynomials in λ, do not depend on λ, or F(0) is not 1 for every λ.
+        If there is no such kind; if it lacks something, or cannot take what is given.
 
     References
     ----------
@@ -164,17 +162,11 @@ def filter_family(
     --------
     >>> filter_family("ramp", 3, ramp=2).at(0.1).num[0][0].round(6).tolist()       # 3 λ s + 1
     [0.3, 1.0]
-
-    A lag of a tenth of the time constant, as a sensor may have it, behind the one that is chosen:
-
-    >>> own = filter_family("own", num=[1], den=[[0.1, 0, 0], [1.1, 0], 1])
-    >>> own.at(2.0).den[0][0].round(6).tolist()
-    [0.4, 2.2, 1.0]
     """
     if kind not in MAKERS:
         known = ", ".join(f'"{name}"' for name in MAKERS)
         raise ValueError(f"there is no family {kind!r}; choose one of {known}")
-    given = {"order": order, "ramp": ramp, "model": model, "num": num, "den": den}
+    given = {"order": order, "ramp": ramp, "model": model}
     needed, possible, make = MAKERS[kind]
     for name, value in given.items():
         if value is None and name in needed:
@@ -198,20 +190,20 @@ def as_family(order: int | FilterFamily) -> FilterFamily:
 
 
 def _binomial(order: int) -> tuple[FloatArray, FloatArray]:
-    return _prototype(np.ones(1)), _prototype(_lags(order))
+    return np.ones((1, 1)), np.diag(_lags(order))
 
 
 def _butterworth(order: int) -> tuple[FloatArray, FloatArray]:
-    poles = np.exp(1j * pi * (2 * np.arange(order) + order + 1) / (2 * order))
-    den = np.atleast_1d(np.real(np.poly(poles)))
+    _, poles, _ = signal.buttap(order)
+    den = np.real(np.poly(poles))
     den[-1] = 1.0
-    return _prototype(np.ones(1)), _prototype(den)
+    return np.ones((1, 1)), np.diag(den)
 
 
 def _bessel(order: int) -> tuple[FloatArray, FloatArray]:
     n = int(order)
     den = [comb(n, k) * factorial(2 * n - k) * 2**k / factorial(2 * n) for k in range(n, -1, -1)]
-    return _prototype(np.ones(1)), _prototype(np.array(den))
+    return np.ones((1, 1)), np.diag(den)
 
 
 def _ramp(order: int, ramp: int = 2) -> tuple[FloatArray, FloatArray]:
@@ -222,39 +214,17 @@ def _ramp(order: int, ramp: int = 2) -> tuple[FloatArray, FloatArray]:
             "ramp between, or a higher order"
         )
     den = _lags(order)
-    return _prototype(den[-int(ramp) :]), _prototype(den)
+    return np.diag(den[-int(ramp) :]), np.diag(den)
 
 
 def _interpolating(
     model: Any, order: int | None = None, ramp: int = 1
 ) -> tuple[FloatArray, FloatArray]:
     conditions = interpolation(model, order, ramp)
-    n = conditions.order
+    lags = _lags(conditions.order)
     # The conditions are linear in the denominator: they are met for each of its terms by itself.
-    terms = (np.append(comb(n, k), np.zeros(k)) for k in range(n, -1, -1))
-    return _rectangular([conditions.numerator(term) for term in terms]).T, _prototype(_lags(n))
-
-
-def _own(num: Any, den: Any) -> tuple[FloatArray, FloatArray]:
-    tables = _table(num, "num"), _table(den, "den")
-    columns = max(table.shape[1] for table in tables)
-    top, bottom = (_padded(table, table.shape[0], columns) for table in tables)
-    if top.shape[0] > bottom.shape[0]:
-        raise ValueError(
-            f"num has degree {top.shape[0] - 1}, den {bottom.shape[0] - 1} in s: F must be proper"
-        )
-    if not bottom[-1].any() or np.any(
-        np.abs(top[-1] - bottom[-1]) > TYPED_IN * (np.abs(top[-1]) + np.abs(bottom[-1]))
-    ):
-        raise ValueError(
-            "F(0) is not 1 for every λ: the last rows of num and den, which belong to s^0, must be "
-            "the same and not 0"
-        )
-    if not (top[:, :-1].any() or bottom[:, :-1].any()):
-        raise ValueError("the coefficients do not depend on λ: there is no family, but one filter")
-    if np.array_equal(top, bottom):
-        raise ValueError("F is 1 at every frequency; it must fall off")
-    return top, bottom
+    num = np.array([conditions.numerator(term) for term in np.diag(lags)]).T
+    return num[np.argmax(num.any(axis=1)) :], np.diag(lags)
 
 
 MAKERS: dict[str, tuple[tuple[str, ...], tuple[str, ...], Callable[..., Any]]] = {
@@ -263,47 +233,13 @@ MAKERS: dict[str, tuple[tuple[str, ...], tuple[str, ...], Callable[..., Any]]] =
     "bessel": (("order",), (), _bessel),
     "ramp": (("order",), ("ramp",), _ramp),
     "interpolating": (("model",), ("order", "ramp"), _interpolating),
-    "own": (("num", "den"), (), _own),
 }
 """What each kind needs, what it may be given, and who makes it."""
 
 
 def _lags(order: int) -> FloatArray:
     """Coefficients of (s + 1)^n."""
-    return np.array([float(comb(int(order), k)) for k in range(int(order), -1, -1)])
-
-
-def _prototype(coefficients: FloatArray) -> FloatArray:
-    """Coefficients of p(λs)."""
-    return np.diag(coefficients)
-
-
-def _table(rows: Any, name: str) -> FloatArray:
-    """Read coefficients that are polynomials in λ."""
-    if not isinstance(rows, list | tuple | np.ndarray) or len(rows) == 0:
-        raise TypeError(f"{name} is {rows!r}, no list of rows; {OWN}")
-    read = []
-    for row in rows:
-        values = [row] if is_number(row) else row
-        listed = isinstance(values, list | tuple | np.ndarray) and len(values) > 0
-        if not (listed and all(is_number(v) and not complex(v).imag for v in values)):
-            raise TypeError(f"{name} has the row {row!r}, which is no polynomial in λ; {OWN}")
-        read.append(np.array([float(complex(value).real) for value in values]))
-    table = _rectangular(read)
-    if not np.isfinite(table).all():
-        raise ValueError(f"{name} is {rows!r}; every coefficient must be a finite number")
-    used, powers = np.flatnonzero(table.any(axis=1)), np.flatnonzero(table.any(axis=0))
-    return table[used[0] :, powers[0] :] if used.size else table[-1:, -1:]
-
-
-def _rectangular(rows: list[FloatArray]) -> FloatArray:
-    """Put polynomials of any degrees into the rows of a table."""
-    columns = max(row.size for row in rows)
-    return np.array([np.pad(row, (columns - row.size, 0)) for row in rows])
-
-
-def _padded(table: FloatArray, rows: int, columns: int) -> FloatArray:
-    return np.pad(table, ((rows - table.shape[0], 0), (columns - table.shape[1], 0)))
+    return LowPassFilter(1.0, order).den
 
 
 def _at(table: FloatArray, time_constant: float) -> FloatArray:

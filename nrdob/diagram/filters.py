@@ -51,10 +51,7 @@ class LowPassFilter:
         seconds = real_number(self.time_constant, "time_constant", remedy)
         object.__setattr__(self, "time_constant", seconds)
         if not (isfinite(seconds) and seconds > 0):
-            raise ValueError(
-                f"time_constant is {seconds}; F(s) = 1/(time_constant s + 1)^n needs a positive "
-                "one, in seconds"
-            )
+            raise ValueError(f"time_constant is {seconds}; {remedy}")
         if not is_whole(self.order):
             raise TypeError(f"order is {self.order!r}; it counts lags and must be a whole number")
         if self.order < 1:

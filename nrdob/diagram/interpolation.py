@@ -26,6 +26,7 @@ from typing import Any, NamedTuple
 
 import control as ct
 import numpy as np
+from numpy.polynomial.polynomial import polydiv
 
 from ..numerics import (
     FloatArray,
@@ -41,8 +42,6 @@ from .delay import undelayed
 from .filters import LowPassFilter
 
 __all__ = ["check_ramp", "interpolating_filter", "interpolation"]
-
-Rationals = list[Exact]
 
 
 def interpolating_filter(
@@ -107,8 +106,17 @@ class Interpolation(NamedTuple):
     wait: float
 
     def numerator(self, den: FloatArray) -> FloatArray:
-        """Numerator of the F with a given denominator, which meets the conditions."""
-        return _numerator(self.zeros, self.poles, _leading(den, self.wait, self.poles.size - 1))
+        """Numerator M X of the F with a given denominator, exact until it is rounded once."""
+        M, Q, right = (  # ascending
+            np.array([Exact(value) for value in p[::-1].tolist()])
+            for p in (self.zeros, self.poles, den)
+        )
+        size = Q.size - 1
+        if self.wait:  # Q is a power of s, so that only the lowest terms of the series matter
+            right = np.convolve(right, [Exact(self.wait) ** k / factorial(k) for k in range(size)])
+        columns = [_remainder(np.append([Exact(0)] * k, M), Q) for k in range(size)]
+        X = _solved(np.array([*columns, _remainder(right, Q)]).T)
+        return np.convolve(M, X)[::-1].astype(float)
 
 
 def interpolation(model: Any, order: int | None, ramp: int) -> Interpolation:
@@ -180,46 +188,19 @@ def _check_integrators(poles: FloatArray, wait: float) -> None:
         )
 
 
-def _leading(den: FloatArray, wait: float, count: int) -> Rationals:
-    """Coefficients of den·exp(wait·s), exactly: all without `wait`, else the `count` last ones."""
-    given = [Exact(value) for value in den.tolist()]
-    if not wait:
-        return given
-    late = [Exact(wait) ** k / factorial(k) for k in range(count)]
-    return [
-        sum((c * late[k - i] for i, c in enumerate(given[::-1][: k + 1])), Exact(0))
-        for k in reversed(range(count))
-    ]
+def _remainder(p: Any, divisor: Any) -> Any:
+    """Remainder in ascending powers, with as many coefficients as the degree of the divisor."""
+    rest = polydiv(p, divisor)[1]
+    return np.append(rest, [Exact(0)] * (divisor.size - 1 - rest.size))
 
 
-def _numerator(zeros: FloatArray, poles: FloatArray, right: Rationals) -> FloatArray:
-    """Solve M X + Q E = right for M X, with X of lower degree than Q, and round it once."""
-    M, Q = ([Exact(value) for value in p.tolist()] for p in (zeros, poles))
-    size = len(Q) - 1
-    columns = [_remainder([*M, *[Exact(0)] * k], Q) for k in range(size - 1, -1, -1)]
-    rows = [[*row, value] for *row, value in zip(*columns, _remainder(right, Q), strict=True)]
-    product = np.convolve(np.array(M, dtype=object), np.array(_solved(rows), dtype=object))
-    return np.trim_zeros(product.astype(float), "f")
-
-
-def _remainder(p: Rationals, divisor: Rationals) -> Rationals:
-    """Remainder by a monic polynomial, as many coefficients as its degree."""
-    p = list(p)
-    size = len(divisor) - 1
-    while len(p) > size:
-        first, *p = p
-        for k in range(size):
-            p[k] -= first * divisor[k + 1]
-    return [Exact(0)] * (size - len(p)) + p
-
-
-def _solved(rows: list[Rationals]) -> Rationals:
+def _solved(rows: Any) -> Any:
     """Solve linear equations, the right sides last in each row, by Gauss's elimination."""
-    size = len(rows)
-    for k in range(size):
-        at = next(i for i in range(k, size) if rows[i][k])
-        rows[k], rows[at] = rows[at], rows[k]
-        for i in range(size):
-            if i != k and (factor := rows[i][k] / rows[k][k]):
-                rows[i] = [a - factor * b for a, b in zip(rows[i], rows[k], strict=True)]
-    return [row[-1] / row[k] for k, row in enumerate(rows)]
+    for k in range(len(rows)):
+        at = k + np.flatnonzero(rows[k:, k])[0]
+        rows[[k, at]] = rows[[at, k]]
+        rows[k] /= rows[k, k]
+        for i in range(len(rows)):
+            if i != k:
+                rows[i] -= rows[i, k] * rows[k]
+    return rows[:, -1]

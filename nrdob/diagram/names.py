@@ -4,23 +4,20 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-__all__ = ["CLOSED_LOOP", "INPUTS", "MAPS", "Input", "Name"]
+__all__ = ["CLOSED_LOOP", "INPUTS", "MAPS", "Name"]
 
 
 @dataclass(frozen=True)
 class Name:
-    """How a map or an input is written, in LaTeX, and said; the role gives the colour."""
+    """How a map or an input is written, in LaTeX, and said; the role gives the colour.
+
+    `to_y` is the map of eq. (4) by which an input comes to the output y.
+    """
 
     label: str
     spoken: str
     role: str
-
-
-@dataclass(frozen=True)
-class Input(Name):
-    """How an input is called, and by which map of eq. (4) it comes to the output y."""
-
-    to_y: str
+    to_y: str = ""
 
 
 CLOSED_LOOP = {
@@ -52,9 +49,9 @@ MAPS = {
 """Attributes of a loop that can be drawn by name."""
 
 INPUTS = {
-    "R": Input("$R$", "reference", "reference", "T_R"),
-    "d": Input("$d$", "output disturbance", "disturbance", "S_d"),
-    "delta": Input(r"$\delta$", "input disturbance", "disturbance", "S_delta"),
-    "eta": Input(r"$\eta$", "noise", "noise", "S_eta"),
+    "R": Name("$R$", "reference", "reference", "T_R"),
+    "d": Name("$d$", "output disturbance", "disturbance", "S_d"),
+    "delta": Name(r"$\delta$", "input disturbance", "disturbance", "S_delta"),
+    "eta": Name(r"$\eta$", "noise", "noise", "S_eta"),
 }
 """Where a signal can enter from outside."""

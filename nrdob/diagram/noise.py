@@ -44,7 +44,7 @@ TOLERANCE = 1e-10  # relative error of the integral at which no interval is halv
 MAX_INTERVALS = 2_000_000
 
 (FEWER_NODES, FEWER_WEIGHTS), (MORE_NODES, MORE_WEIGHTS) = map(leggauss, (7, 10))
-NODES = np.append(FEWER_NODES, MORE_NODES)
+NODES, UNIT = np.append(FEWER_NODES, MORE_NODES), np.array([0.0, 0.5, 1.0])
 
 
 def noise_power(
@@ -67,14 +67,8 @@ def step_energy(
 ) -> float:
     """Integrate ``|num/(den s)|²`` over all frequencies, over 2π: see `Quotient.step_energy`."""
     check_stable(den, f"the energy of a step through {name}")
-    left = [k for k, factor in enumerate(num) if factor.zeros_at_origin]
-    if not left:
-        return inf
-    first = num[left[0]]
-    rest = np.zeros(first.zeros_at_origin)
-    rest[0] = 1.0  # a multiple root at s = 0 keeps the others
-    divided = (first.without_origin, QuasiPolynomial(rest))
-    return _power((*num[: left[0]], *divided, *num[left[0] + 1 :]), den)
+    k = next((k for k, factor in enumerate(num) if factor.zeros_at_origin), None)
+    return inf if k is None else _power((*num[:k], num[k].over_s(1), *num[k + 1 :]), den)
 
 
 def check_stable(den: tuple[QuasiPolynomial, ...], what: str) -> None:
@@ -152,14 +146,13 @@ def _delayed_power(
         return np.asarray(-rational(s) * delayed / (1 + delayed))
 
     edges = _segments(den)
-    end, unit = edges[-1], np.array([0.0, 0.5, 1.0])
-    body = _integral(density, edges, 0.0).real
-    # Beyond: ω = end/x for the rational part, s = j end + end x/(1 - x) for the turning one.
-    tail = _integral(lambda x: rational(1j * end / x) * end / x**2, unit, body).real
-    side = _integral(
-        lambda x: turning(1j * end + end * x / (1 - x)) * end / (1 - x) ** 2, unit, body
-    )
-    return float(body + tail + 2 * (side / 1j).real) / pi
+    end, body = edges[-1], _integral(density, edges, 0.0).real
+
+    def beside(x: FloatArray) -> ComplexArray:  # s = j end + end x/(1 - x)
+        return np.asarray(turning(1j * end + end * x / (1 - x)) * end / (1 - x) ** 2)
+
+    side = _integral(beside, UNIT, body)
+    return float(body + _beyond(rational, end, body) + 2 * (side / 1j).real) / pi
 
 
 def _turning_power(
@@ -173,8 +166,7 @@ def _turning_power(
     delays = sorted({delay for p in (top, product) for _, delay in p.terms})
     beats = np.diff(delays)
 
-    def mean(omega: FloatArray) -> FloatArray:
-        s = 1j * omega
+    def mean(s: ComplexArray) -> FloatArray:
         sizes = [np.abs(np.polyval(p, s)) ** 2 for p, _ in top.terms]
         return np.asarray(sum(sizes) / np.abs(lead(s)) ** 2)
 
@@ -199,9 +191,12 @@ def _turning_power(
             )
         edges = edges[-1] + max(edges[-1] / count, step) * np.arange(count + 1)
         body += _integral(density, edges, body).real
-    end = edges[-1]
-    tail = _integral(lambda x: mean(end / x) * end / x**2, np.array([0.0, 0.5, 1.0]), body).real
-    return float(body + tail) / pi
+    return float(body + _beyond(mean, edges[-1], body)) / pi
+
+
+def _beyond(f: Callable[[ComplexArray], NDArray[Any]], end: float, besides: float) -> float:
+    """Integrate over the frequencies ω = end/x from `end` on."""
+    return _integral(lambda x: f(1j * (end / x)) * end / x**2, UNIT, besides).real
 
 
 def _segments(den: tuple[QuasiPolynomial, ...]) -> FloatArray:

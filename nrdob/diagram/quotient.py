@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property, reduce
+from functools import cached_property
 from math import inf, pi, prod
 from typing import Any
 
@@ -16,7 +16,7 @@ from ..numerics import (
     FloatArray,
     QuasiPolynomial,
     multiply,
-    without_shared_factor,
+    shared_factor,
     written,
 )
 from .blocks import Fraction, as_fraction
@@ -89,12 +89,11 @@ class Quotient:
         """
         if not self.delay:
             return self.at_once, 0.0
-        num, den = self.numerator, self.denominator.q
-        divided = num.divided - self.denominator.divided
+        num, den = self.numerator, self.denominator
         limits = []
         for part, _ in num.delayed:
-            excess = part.size - den.size - divided
-            limits.append(0.0 if excess < 0 else inf if excess else float(part[0] / den[0]))
+            excess = part.size - num.divided - den.q.size + den.divided
+            limits.append(0.0 if excess < 0 else inf if excess else float(part[0] / den.q[0]))
         return self.at_once, sum(map(abs, limits)) if len(limits) > 1 else sum(limits)
 
     @property
@@ -114,12 +113,8 @@ class Quotient:
         s = np.asarray(s, dtype=complex)
         power = self.zeros_at_origin
         with np.errstate(all="ignore"):  # what is not finite is looked at again
-            num = prod(
-                (f.without_origin(s) for f in self.num), start=s**power if power > 0 else 1.0
-            )
-            den = prod(
-                (f.without_origin(s) for f in self.den), start=s**-power if power < 0 else 1.0
-            )
+            num = prod((f.without_origin(s) for f in self.num), start=s ** max(power, 0))
+            den = prod((f.without_origin(s) for f in self.den), start=s ** max(-power, 0))
             value = np.asarray(num / den)
             vanishing = np.abs(den) <= NEAR_ROOT * self._den_size(s)
         doubtful = vanishing | ~np.isfinite(value)
@@ -131,17 +126,11 @@ class Quotient:
 
     def _den_size(self, s: ComplexArray) -> FloatArray:
         """Size of what is summed to give the denominator."""
-        far, power = np.abs(s), self.zeros_at_origin
-        size = np.polyval(self._den_scale, far)
-        if power < 0:
-            size = size * far**-power
+        size = np.abs(s) ** max(-self.zeros_at_origin, 0)
+        size = size * prod(f.without_origin.size(s) for f in self.den)
         if self.delay:
             size = size * np.exp(sum(f.delay for f in self.den) * np.maximum(-s.real, 0.0))
         return np.asarray(size)
-
-    @cached_property
-    def _den_scale(self) -> FloatArray:
-        return reduce(np.convolve, [f.without_origin.scale for f in self.den])
 
     def _careful(self, s: ComplexArray) -> ComplexArray:
         """Values where plain ones may be lost: at or beside a root, or beyond floating point.
@@ -180,11 +169,7 @@ class Quotient:
         """Value at s = 0, infinite with a pole there."""
         power = self.zeros_at_origin
         num, den = (
-            prod(
-                f.without_origin.constant if f.delay else float(f.q[-1 - f.zeros_at_origin])
-                for f in factors
-            )
-            for factors in (self.num, self.den)
+            prod(f.without_origin.constant for f in factors) for factors in (self.num, self.den)
         )
         return inf if power < 0 or den == 0 else 0.0 if power else num / den
 
@@ -262,7 +247,7 @@ class Quotient:
         r"""Energy :math:`\int_0^\infty q(t)^2\,dt` of the output after a unit step at the input.
 
         It is the square of the norm of Q/s, exact without dead time and to 1e-8 of itself with it;
-        infinite where an offset stays, Q(0) ≠ 0. A ValueError if it is not stable.
+        infinite where an offset stays, Q(0) ≠ 0.
 
         Raises
         ------
@@ -286,8 +271,7 @@ class Quotient:
 
         Factors that numerator and denominator share, because blocks of the diagram share them, are
         divided out as polynomials (`nrdob.numerics.sharedfactor`); roots that are only near stay.
-        Hidden modes are then invisible: only `stability` may judge a loop. A ValueError if the map
-        contains dead time, which no rational function equals.
+        Hidden modes are then invisible: only `stability` may judge a loop.
 
         Raises
         ------
@@ -301,7 +285,7 @@ class Quotient:
             )
         num, den = list(self.num), list(self.den)
         for i, j in np.ndindex(len(num), len(den)):
-            num[i], den[j] = without_shared_factor(num[i], den[j])
+            _, num[i], den[j] = shared_factor(num[i], den[j])
         lowest = Quotient(tuple(num), tuple(den))
         kept = lowest if self._agrees_with(lowest) else self
         return ct.tf(kept.numerator.q, kept.denominator.q)
@@ -312,9 +296,8 @@ class Quotient:
         sizes = np.abs(roots) if roots.size else np.ones(1)
         s = 1j * np.unique(np.outer([0.01, 0.5, 0.9, 0.999, 1.1, 2.0, 100.0], sizes))
         with np.errstate(all="ignore"):
-            allowed = 1e-9 + ROUNDING * sum(
-                np.polyval(f.scale, np.abs(s)) / np.abs(f(s)) for f in self.num + self.den
-            )
+            sizes = sum(f.size(s) / np.abs(f(s)) for f in self.num + self.den)
+            allowed = 1e-9 + ROUNDING * sizes
             return not np.any(np.abs(other(s) / self(s) - 1) > allowed)
 
 

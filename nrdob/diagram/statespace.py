@@ -21,11 +21,10 @@ from functools import lru_cache
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+
+from ..numerics import FloatArray
 
 __all__ = ["MAX_STATES", "polynomials"]
-
-FloatArray = NDArray[np.floating[Any]]
 
 MAX_STATES = 24  # whole numbers grow with the number of states; more would take over half a second
 
@@ -120,16 +119,13 @@ def _whole(entries: tuple[float, ...], shape: tuple[int, int]) -> tuple[Any, int
 
 def _faddeev(A: Any) -> tuple[list[Any], list[Any]]:
     """Coefficients of det(sI - A) and the matrices of adj(sI - A), both in descending powers."""
-    n = len(A)
-    coefficients, matrices = [1], []
-    M = np.array([[int(i == j) for j in range(n)] for i in range(n)], dtype=object).reshape(n, n)
-    for k in range(1, n + 1):
+    identity = np.eye(len(A), dtype=int).astype(object)
+    coefficients, matrices, M = [1], [], identity
+    for k in range(1, len(A) + 1):
         matrices.append(M)
         AM = A @ M
-        coefficient = -sum(AM.diagonal()) // k
-        coefficients.append(coefficient)
-        M = AM.copy()
-        M[np.diag_indices(n)] += coefficient
+        coefficients.append(-sum(AM.diagonal()) // k)
+        M = AM + coefficients[-1] * identity
     return coefficients, matrices
 
 

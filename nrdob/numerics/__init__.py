@@ -8,7 +8,7 @@ from .manypolynomials import convolved, hurwitz, padded_sum, values_and_slopes, 
 from .quasipoly import QuasiPolynomial, multiply
 from .rootcount import RootCount, count_rhp, frequency_segments, unstable_roots
 from .rootfinding import companion_roots, polynomial_roots
-from .sharedfactor import Shared, factor_near, shared_factor, without_shared_factor
+from .sharedfactor import Shared, factor_near, shared_factor
 from .stretches import ManyTerms
 from .timescales import Block, impulse_states, roots_by_time_scale, split, transition
 from .writing import number, written
@@ -54,7 +54,6 @@ __all__ = [
     "unstable_roots",
     "values_and_slopes",
     "values_on_axis",
-    "without_shared_factor",
     "written",
     "zero_free",
 ]

@@ -9,7 +9,8 @@ those that vanish are left open.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
+from itertools import chain
 from math import ceil, log2, nan, pi, sqrt
 from typing import NamedTuple
 
@@ -119,9 +120,20 @@ def frequency_range(
     terms, scale : sequence of ManyTerms, (k, n) array of float
         As for `rhp_counts`.
     """
+    lead = np.abs(terms[0].q[0])
+    rising = np.zeros((len(scale) + 1, scale.shape[1]))  # ascending
+    rising[:-1] = scale[::-1]
+    for q, delay in terms[1:]:  # |exp(-jωT) - 1| <= ωT
+        rising[1 : len(q) + 1] += np.abs(q[::-1]) * delay
+        if len(q) == len(scale):
+            lead = lead - np.abs(q[0])
+    constant = np.abs(sum(term.q[-1] for term in terms))
     with np.errstate(all="ignore"):
-        low, high, led = _range(terms, scale)
-    return low, high, (low > 0) & led & np.isfinite(scale).all(axis=0)
+        low = 1 / _dominance_radius(rising[1:] / constant)
+        high = _dominance_radius(scale[1:] / lead)
+    low = np.where(constant > ROUNDING * scale[-1], low, 0.0)
+    certain = (low > 0) & (lead > ROUNDING * scale[0]) & np.isfinite(scale).all(axis=0)
+    return low, high, certain
 
 
 def zero_free(
@@ -157,30 +169,19 @@ def argument_change(terms: Sequence[Term], scale: FloatArray, origin: int = 1) -
     if len(terms) == 1 and degree <= 2 and (angle := _of_low_degree(lead, scale)) is not None:
         return ArgumentChange(angle)
     with np.errstate(all="ignore"):
-        low, high = _range_of_one(terms, scale)
-        if low:
-            sums = _one(terms, scale, low, high)
-            found = _certified(sums, low, high)
-            if not found.vanishing:
+        zeros, legs, unit = _legs(terms, scale, origin)
+        angle, touched = zeros * pi / 2, [0.0] * (zeros > 0)
+        for leg in legs:
+            sums = leg.sums()
+            found = _certified(sums, leg.low, leg.high)
+            if len(legs) == 1 and not found.vanishing:
                 return ArgumentChange(float(sums.changes(found.rounds)[0]))
-            angle, touched = _indented(sums, found, high)
-            angle += _angle(sums.constant, sums, low) - _angle(sums.lead, sums, high)
-            return ArgumentChange(angle, touched)
-        if (unit := _unit(terms)) != 1:
-            found_there = argument_change(*_in_unit(terms, scale, unit), origin)
-            return replace(found_there, touched=tuple(w / unit for w in found_there.touched))
-        near = _near_origin(terms, scale, high, origin)
-        if near is None:
-            start, angle = _pass_origin(terms, scale, high)
-            touched = ()
-        else:
-            start, rest = near.radius, _one([near.rest], near.scale, near.first, near.radius)
-            angle, touched = _indented(rest, _certified(rest, near.first, start), start)
-            angle += origin * pi / 2 + _angle(rest.constant, rest, near.first)
-        sums = _one(terms, scale, start, high)
-        more, passed = _indented(sums, _certified(sums, start, high), high)
-        angle += more - _angle(sums.lead, sums, high)
-    return ArgumentChange(angle, (0.0, *touched, *passed), near is not None)
+            if leg is legs[0]:
+                angle += _angle(sums.constant, sums, leg.low)
+            more, passed = _indented(sums, found, leg.high)
+            angle, touched = angle + more, touched + passed
+        angle -= _angle(sums.lead, sums, leg.high)
+    return ArgumentChange(angle, tuple(w / unit for w in touched), zeros in (0, origin))
 
 
 def zero_free_frequencies(terms: Sequence[Term], scale: FloatArray, origin: int = 1) -> FloatArray:
@@ -193,26 +194,57 @@ def zero_free_frequencies(terms: Sequence[Term], scale: FloatArray, origin: int 
     if terms[0].q.size == 1:
         return np.zeros(1)
     with np.errstate(all="ignore"):
-        low, high = _range_of_one(terms, scale)
-        before: FloatArray = np.zeros(1)
-        if not low:
-            if (unit := _unit(terms)) != 1:
-                return zero_free_frequencies(*_in_unit(terms, scale, unit), origin) / unit
-            near = _near_origin(terms, scale, high, origin)
-            low = near.radius if near else 1e-12 * high
-            if near is not None:
-                before = np.append(0.0, _segments([near.rest], near.scale, near.first, low)[:-1])
-        return np.append(before, _segments(terms, scale, low, high))
+        _, legs, unit = _legs(terms, scale, origin)
+        return np.unique(np.concatenate([np.zeros(1), *map(_segments, legs)])) / unit
 
 
-def _segments(terms: Sequence[Term], scale: FloatArray, low: float, high: float) -> FloatArray:
+class _Leg(NamedTuple):
+    """A part of the axis, and the sum to follow there."""
+
+    terms: Sequence[Term]
+    scale: FloatArray
+    low: float
+    high: float
+
+    def sums(self) -> Sums:
+        return Sums.between(_columns(self.terms), self.scale[:, None], self.low, self.high)
+
+
+def _legs(terms: Sequence[Term], scale: FloatArray, origin: int) -> tuple[int, list[_Leg], float]:
+    """Give zeros at s = 0, the axis from there to where the leading term dominates, and its unit.
+
+    A zero at s = 0, with all lower coefficients that are rounding, is divided out of the Taylor
+    series, which stands for the sum on the first part.
+    """
+    low, high = _range_of_one(terms, scale)
+    if low:
+        return 0, [_Leg(terms, scale, low, high)], 1.0
+    if (unit := _unit(terms)) != 1:
+        terms, scale = _in_unit(terms, scale, unit)
+        _, high = _range_of_one(terms, scale)
+    count = origin + scale.size + SERIES
+    c, sizes = np.zeros(count), np.zeros(count)
+    sizes[: scale.size] = scale[::-1]
+    for q, T in terms:
+        series = np.cumprod(np.append(1.0, T / np.arange(1.0, count)))
+        c += np.convolve(q[::-1], (-1.0) ** np.arange(count) * series)[:count]
+        sizes += np.convolve(np.abs(q[::-1]), series)[:count] * (T > 0)
+    zeros = origin + int(np.argmax(np.abs(c[origin:]) > ROUNDING * sizes[origin:]))
+    radius = min([high, *(1 / T for _, T in terms if T)])
+    rest, size = [Term(np.trim_zeros(c[: zeros - 1 : -1], "f"), 0.0)], sizes[: zeros - 1 : -1]
+    first, _ = _range_of_one(rest, size)
+    near = _Leg(rest, size, min(first or radius, radius), radius)
+    return zeros, [near, _Leg(terms, scale, radius, high)], unit
+
+
+def _segments(leg: _Leg) -> FloatArray:
     """Return ends and middles of certified stretches; with a dominant term where there are many."""
-    sums = _one(terms, scale, low, high)
-    found = certified(sums, low, high, MAX_SEGMENTS, dominance=False)
+    sums = leg.sums()
+    found = certified(sums, leg.low, leg.high, MAX_SEGMENTS, dominance=False)
     if found.given_up[0]:
-        found = _certified(sums, low, high)
+        found = _certified(sums, leg.low, leg.high)
     _, left, right, _ = Stretches.joined(found.rounds)
-    return np.unique(np.concatenate([[low], left, (left + right) / 2, right]))
+    return np.concatenate([[leg.low], left, (left + right) / 2, right])
 
 
 def _certified(sums: Sums, low: float, high: float) -> Certified:
@@ -225,16 +257,12 @@ def _certified(sums: Sums, low: float, high: float) -> Certified:
     return found
 
 
-def _one(terms: Sequence[Term], scale: FloatArray, low: float, high: float) -> Sums:
-    return Sums.between(_columns(terms), scale[:, None], low, high)
-
-
 def _columns(terms: Sequence[Term]) -> list[ManyTerms]:
     return [ManyTerms(q[:, None], np.array([delay])) for q, delay in terms]
 
 
 def _range_of_one(terms: Sequence[Term], scale: FloatArray) -> tuple[float, float]:
-    low, high, _ = _range(_columns(terms), scale[:, None])
+    low, high, _ = frequency_range(_columns(terms), scale[:, None])
     return float(low[0]), float(high[0])
 
 
@@ -260,27 +288,6 @@ def _of_low_degree(q: FloatArray, scale: FloatArray) -> float | None:
     return pi if (b > 0) == (c > 0) else -pi
 
 
-def _range(
-    terms: Sequence[ManyTerms], scale: FloatArray
-) -> tuple[FloatArray, FloatArray, BoolArray]:
-    """Frequencies below and above which the constant and the leading term dominate.
-
-    The lower one is 0 where the constant is only rounding; whether the leading coefficient is more.
-    """
-    lead = np.abs(terms[0].q[0])
-    rising = np.zeros((len(scale) + 1, scale.shape[1]))  # ascending
-    rising[:-1] = scale[::-1]
-    for q, delay in terms[1:]:  # |exp(-jωT) - 1| <= ωT
-        rising[1 : len(q) + 1] += np.abs(q[::-1]) * delay
-        if len(q) == len(scale):
-            lead = lead - np.abs(q[0])
-    constant = np.abs(sum(term.q[-1] for term in terms))
-    low = 1 / _dominance_radius(rising[1:] / constant)
-    high = _dominance_radius(scale[1:] / lead)
-    low = np.where(constant > ROUNDING * scale[-1], low, 0.0)
-    return low, high, lead > ROUNDING * scale[0]
-
-
 def _dominance_radius(ratios: FloatArray) -> FloatArray:
     """Radius beyond which the leading term, 1, exceeds the sum of the others (Fujiwara's bound)."""
     powers = 1 / np.arange(1, len(ratios) + 1)[:, None]
@@ -294,7 +301,7 @@ def _outside(stretches: Stretches, low: float, high: float) -> Stretches:
     return Stretches.joined([part.where(part.left < part.right) for part in (below, above)])
 
 
-def _indented(sums: Sums, found: Certified, last: float) -> tuple[float, tuple[float, ...]]:
+def _indented(sums: Sums, found: Certified, last: float) -> tuple[float, list[float]]:
     """Change where zeros are passed by half circles on the right, and the frequencies of these."""
     stretches, angle = Stretches.joined(found.rounds), 0.0
     passed = _half_circles(sums, found.vanishing)
@@ -302,25 +309,21 @@ def _indented(sums: Sums, found: Certified, last: float) -> tuple[float, tuple[f
         stretches = _outside(stretches, low, high)
         angle += around if high < last else nan
     angle += float(sums.changes_over(stretches)[0])
-    return angle, tuple((low + high) / 2 for low, high, _ in passed)
+    return angle, [(low + high) / 2 for low, high, _ in passed]
 
 
 def _half_circles(sums: Sums, vanishing: list[Stretches]) -> list[tuple[float, float, float]]:
     """Half circles around zeros on the axis: low, high, change on the way."""
-    ends = (
-        pair
-        for part in vanishing
-        for pair in zip(part.left.tolist(), part.right.tolist(), strict=True)
-    )
+    ends = [np.stack([part.left, part.right], axis=1).tolist() for part in vanishing]
     passed: list[tuple[float, float, float]] = []
-    for low, high in sorted(ends):
+    for low, high in sorted(chain.from_iterable(ends)):
         if passed and high <= passed[-1][1]:
             continue
         a, b = low, high
         if passed and low <= passed[-1][1]:
             a = passed.pop()[0]
         centre, radius = (a + b) / 2, max((b - a) / 2, 1e-15 * b)
-        while (angle := _on_arc(sums, centre, radius, -pi / 2)) is None:
+        while (angle := _on_half_circle(sums, centre, radius)) is None:
             radius *= 4
             if radius > 0.3 * centre:
                 angle = nan
@@ -349,50 +352,9 @@ def _in_unit(
     return [Term(slower(q), T / unit) for q, T in terms], slower(scale)
 
 
-class _Near(NamedTuple):
-    """A sum near its zero at s = 0: within the radius a polynomial times a power of s."""
-
-    rest: Term
-    scale: FloatArray
-    first: float
-    radius: float
-
-
-def _near_origin(
-    terms: Sequence[Term], scale: FloatArray, high: float, multiplicity: int
-) -> _Near | None:
-    """Divide a zero at s = 0 out of the Taylor series; None if it is of higher multiplicity."""
-    count = multiplicity + scale.size + SERIES
-    c, sizes = np.zeros(count), np.zeros(count)
-    sizes[: scale.size] = scale[::-1]
-    for q, T in terms:
-        series = np.cumprod(np.append(1.0, T / np.arange(1.0, count)))
-        c += np.convolve(q[::-1], (-1.0) ** np.arange(count) * series)[:count]
-        sizes += np.convolve(np.abs(q[::-1]), series)[:count] * (T > 0)
-    c, sizes = c[multiplicity:], sizes[multiplicity:]
-    if abs(c[0]) <= ROUNDING * sizes[0]:
-        return None
-    radius = min([high, *(1 / T for _, T in terms if T)])
-    rest, scale = Term(np.trim_zeros(c[::-1], "f"), 0.0), sizes[::-1]
-    first, _ = _range_of_one([rest], scale)
-    return _Near(rest, scale, min(first or radius, radius), radius)
-
-
-def _pass_origin(terms: Sequence[Term], scale: FloatArray, high: float) -> tuple[float, float]:
-    """Pass s = 0 by a quarter circle: its radius, and the change on the way."""
-    slowest = 1 / float(_dominance_radius((scale[-2::-1] / scale[-1])[:, None])[0])
-    radius = 1e-15 * min([high, slowest, *(1 / delay for _, delay in terms if delay)])
-    sums = _one(terms, scale, radius, high)
-    while (angle := _on_arc(sums, 0.0, radius, 0.0)) is None:
-        radius *= 4
-        if radius > high:
-            return high / 2, nan
-    return radius, angle
-
-
-def _on_arc(sums: Sums, centre: float, radius: float, start: float) -> float | None:
-    """Change on the arc from `start` to a right angle; None where it is not certain."""
-    steps = np.linspace(start, pi / 2, ARCS + 1)
+def _on_half_circle(sums: Sums, centre: float, radius: float) -> float | None:
+    """Change on the half circle on the right of j·centre; None where it is not certain."""
+    steps = np.linspace(-pi / 2, pi / 2, ARCS + 1)
     ends = 1j * centre + radius * np.exp(1j * steps)
     middles = 1j * centre + radius * np.exp(1j * (steps[:-1] + steps[1:]) / 2)
     reach = radius * (steps[1] - steps[0]) / 2

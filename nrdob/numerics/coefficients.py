@@ -9,18 +9,7 @@ import numpy as np
 
 from .arrays import ROUNDING, ComplexArray, FloatArray
 
-__all__ = [
-    "add",
-    "drop",
-    "exponential",
-    "exponential_rest",
-    "horner",
-    "pade",
-    "products",
-    "times_s",
-    "trailing_zeros",
-    "trim",
-]
+__all__ = ["add", "exponential", "exponential_rest", "horner", "pade", "trailing_zeros", "trim"]
 
 NEAR = 1.0  # size of z up to which the rest of exp(z) is summed up: a difference loses digits
 
@@ -46,16 +35,12 @@ def exponential_rest(z: ComplexArray, m: int, *, divided: bool = False) -> Compl
         return np.asarray(np.exp(z))
     if m == 1 and not divided:
         return np.asarray(np.expm1(z))
-    near = np.abs(z) <= (NEAR if m > 1 else 0.0)
-    far = np.where(near, 1.0, z)
-    rest = np.expm1(far)
-    for k in range(1, m):
-        rest = rest - far**k / factorial(k)
+    near = np.abs(z) <= NEAR
+    close, far = np.where(near, z, 0.0), np.where(near, 1.0, z)
     series = np.ones_like(z)
-    if m > 1:
-        close = np.where(near, z, 0.0)
-        for k in range(m + 18, m, -1):  # (…(z/k + 1) z/(k - 1) + 1)…
-            series = series * close / k + 1.0
+    for k in range(m + 18, m, -1):  # (…(z/k + 1) z/(k - 1) + 1)…
+        series = series * close / k + 1.0
+    rest = np.expm1(far) - sum(far**k / factorial(k) for k in range(1, m))
     value = np.where(near, series / factorial(m), rest / far**m)
     return np.asarray(value if divided else value * z**m)
 
@@ -107,14 +92,6 @@ def horner(coefficients: FloatArray, s: ComplexArray) -> Any:
     return value
 
 
-def products(coefficients: FloatArray, size: int) -> FloatArray:
-    """Matrix that multiplies polynomials of `size` coefficients by one."""
-    matrix = np.zeros((coefficients.size + size - 1, size))
-    for k in range(size):
-        matrix[k : k + coefficients.size, k] = coefficients
-    return matrix
-
-
 def trim(coefficients: FloatArray, scale: FloatArray) -> FloatArray:
     """Drop leading coefficients that are rounding of larger terms which cancelled."""
     size = scale[-coefficients.size :]
@@ -130,13 +107,3 @@ def trailing_zeros(coefficients: FloatArray) -> int:
         return 0
     used = np.flatnonzero(coefficients)
     return int(coefficients.size - 1 - used[-1]) if used.size else int(coefficients.size)
-
-
-def times_s(coefficients: FloatArray, power: int) -> FloatArray:
-    """Multiply by a power of s."""
-    return np.append(coefficients, np.zeros(power)) if coefficients.any() else coefficients
-
-
-def drop(coefficients: FloatArray, m: int) -> FloatArray:
-    """Divide by a power of s, without the remainder."""
-    return coefficients[:-m] if coefficients.size > m else np.zeros(1)

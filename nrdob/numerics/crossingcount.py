@@ -11,11 +11,12 @@ find the frequencies.
 
 from __future__ import annotations
 
-from math import factorial, floor, sqrt, tau
+from math import floor, sqrt, tau
 
 import numpy as np
 
 from .arrays import FloatArray
+from .coefficients import exponential
 from .crossings import side, zeros
 from .exact import Whole, multiply, positive_sign_changes, rhp_count, squared_size, total, whole
 from .rootfinding import companion_roots, frequencies_beside, polynomial_roots
@@ -116,7 +117,7 @@ def _past_zero(
 
     def series(delay: float, power: int) -> float:
         late = ((q, 0.0), fixed, (moving, delay))
-        return float(sum(_coefficient(r, T, power) for r, T in late))
+        return sum(float(np.convolve(p, exponential(T, power + 1))[-1 - power]) for p, T in late)
 
     before, after = series(start, 1), series(end, 1)
     if series(start, 0) or before * after >= 0:
@@ -131,13 +132,6 @@ def _beside_zero(q: FloatArray, r: FloatArray, moving: FloatArray, longest: floa
         return 0.0
     sizes = np.abs(np.concatenate([companion_roots(p) for p in (q, r, moving)]))
     return BESIDE_ZERO * min(1 / longest, float(sizes[sizes > 0].min(initial=np.inf)))
-
-
-def _coefficient(r: FloatArray, delay: float, power: int) -> float:
-    """Coefficient of a power of s in the series of r exp(-sT)."""
-    low = r[::-1][: power + 1]
-    factors = [(-delay) ** (power - k) / factorial(power - k) for k in range(low.size)]
-    return float(low @ np.array(factors))
 
 
 def _crossing_angle(q: FloatArray, r: FloatArray, omega: float) -> float:

@@ -122,11 +122,8 @@ def golden(function: Function, low: FloatArray, high: FloatArray) -> FloatArray:
         low, high = np.where(keep_left, low, left), np.where(keep_left, right, high)
         new = np.where(keep_left, high - ratio * (high - low), low + ratio * (high - low))
         at_new = function(new)
-        left, right = np.where(keep_left, new, right), np.where(keep_left, left, new)
-        at_left, at_right = (
-            np.where(keep_left, at_new, at_right),
-            np.where(keep_left, at_left, at_new),
-        )
+        left, right = np.where(keep_left, [new, left], [right, new])
+        at_left, at_right = np.where(keep_left, [at_new, at_left], [at_right, at_new])
     return (low + high) / 2
 
 

@@ -17,7 +17,7 @@ import numpy as np
 from .argument import Term, argument_change
 from .arrays import ComplexArray, FloatArray
 from .coefficients import add, pade
-from .rootfinding import Delayed, companion_roots, frequencies_beside, value_and_slope
+from .rootfinding import Delayed, companion_roots, frequencies_beside, value_and_slope, vanishing
 
 __all__ = ["rightmost_roots"]
 
@@ -123,11 +123,7 @@ def _newton(q: FloatArray, delayed: Delayed, s: ComplexArray) -> ComplexArray:
             s = s - np.where(size > 2, 2 * step / size, step)
             if np.all(~np.isfinite(s) | (size <= 1e-12 * (1 + np.abs(s) * longest))):
                 break
-        value, _ = value_and_slope(q, delayed, s)
-        weight = np.polyval(np.abs(q), np.abs(s))
-        for r, delay in delayed:
-            weight = weight + np.polyval(np.abs(r), np.abs(s)) * np.exp(-delay * s.real)
-        s = s[np.isfinite(s) & (np.abs(value) <= 1e-9 * weight)]
+        s = s[np.isfinite(s) & vanishing(q, delayed, s)]
     s = np.where(s.imag < 0, s.conj(), s)
     s = np.where(np.abs(s.imag) <= 1e-9 * np.abs(s), s.real, s)
     s = s[np.lexsort((s.real, s.imag))]

@@ -8,6 +8,7 @@ that the digits depend on neither threads nor on how many polynomials there are.
 from __future__ import annotations
 
 import numpy as np
+from numpy.polynomial.polynomial import polyval
 
 from .arrays import BoolArray, ComplexArray, FloatArray
 
@@ -61,20 +62,10 @@ def values_on_axis(p: FloatArray, omega: FloatArray) -> ComplexArray:
     omega : array of float
         In rad/s, of a shape that broadcasts with the columns.
     """
-    square = -(omega**2)
-    even, odd = (_plain(p[::-1][k::2], square) for k in (0, 1))
+    square, ascending = -(omega**2), p[::-1]
+    even = polyval(square, ascending[::2], tensor=False)
+    odd = polyval(square, ascending[1::2], tensor=False) if len(p) > 1 else 0.0
     return np.asarray(even + 1j * (omega * odd))
-
-
-def _plain(ascending: FloatArray, x: FloatArray) -> FloatArray:
-    """Values of polynomials at real x."""
-    if not ascending.shape[0]:
-        return np.zeros(1)
-    value = np.asarray(ascending[-1] + np.zeros_like(x))
-    for coefficient in ascending[-2::-1]:
-        value *= x
-        value += coefficient
-    return value
 
 
 def values_and_slopes(p: FloatArray, omega: FloatArray) -> tuple[ComplexArray, ComplexArray]:

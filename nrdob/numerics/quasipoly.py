@@ -14,7 +14,7 @@ right half plane is known in independent ways, none of which approximates the de
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property, reduce
 from itertools import product
 from math import factorial, inf, pi
@@ -24,16 +24,7 @@ import numpy as np
 
 from .argument import ArgumentChange, Term, argument_change
 from .arrays import ROUNDING, BoolArray, ComplexArray, FloatArray
-from .coefficients import (
-    add,
-    drop,
-    exponential,
-    exponential_rest,
-    horner,
-    times_s,
-    trailing_zeros,
-    trim,
-)
+from .coefficients import add, exponential, exponential_rest, horner, trailing_zeros, trim
 from .crossingcount import count_by_crossings, crossings_between
 from .exact import rhp_count, whole
 from .longdelay import rightmost_roots
@@ -55,13 +46,16 @@ class QuasiPolynomial:
     delay : float
         T >= 0, in seconds.
     scale : array_like of float, optional
-        For each power of s (descending) the size of what was summed to give the coefficient,
-        which tells how much of it may be rounding.
+        For each power of s (descending) the size of what was summed to give the coefficients of
+        the terms, which tells how much of them may be rounding.
     more : tuple of Term, optional
         Further terms. Those with equal delays are added up; r and `delay` are then the term with
         the longest one, `more` those with the others, in descending order.
     origin : int
-        Roots at s = 0 that are known to be there, although rounding hides them in the coefficients.
+        Roots of the sum at s = 0 that are known to be there, although rounding hides them in the
+        coefficients.
+    divided : int
+        Power of s by which the sum is divided, although not all of its terms have it: see `over_s`.
 
     Examples
     --------
@@ -78,15 +72,13 @@ class QuasiPolynomial:
     scale: FloatArray = field(default_factory=lambda: np.zeros(0))
     more: tuple[Term, ...] = ()
     origin: int = 0
+    divided: int = 0
 
     def __post_init__(self) -> None:
         q, r = np.asarray(self.q, dtype=float), np.asarray(self.r, dtype=float)
         scale = self.scale
-        if not (self.delay or self.more):
-            sizes = np.abs(q)
-            if r.any():
-                q, sizes = add(q, r), add(sizes, np.abs(r))
-            scale = scale if scale.size else sizes
+        if not (self.delay or self.more or r.any()):  # the usual polynomial, in less time
+            scale = scale if scale.size else np.abs(q)
             q = trim(q, scale)
             self.__dict__.update(q=q, r=np.zeros(1), scale=scale[-q.size :])
             return
@@ -120,9 +112,7 @@ class QuasiPolynomial:
     @property
     def degree(self) -> int:
         """Highest power of s that occurs."""
-        if not self.delay:
-            return int(self.q.size - 1)
-        return max(term.q.size for term in self.terms) - 1
+        return max(term.q.size for term in self.terms) - 1 - self.divided
 
     @property
     def neutral_ratio(self) -> float:
@@ -135,9 +125,8 @@ class QuasiPolynomial:
             return 0.0
         if max(term.q.size for term in self.delayed) > self.q.size or not self.q.any():
             return inf
-        return float(sum(abs(p[0]) for p, _ in self.delayed if p.size == self.q.size)) / float(
-            abs(self.q[0])
-        )
+        leading = sum(abs(p[0]) for p, _ in self.delayed if p.size == self.q.size)
+        return float(leading / abs(self.q[0]))
 
     @cached_property
     def zeros_at_origin(self) -> int:
@@ -145,26 +134,18 @@ class QuasiPolynomial:
         if not self.delay:
             return trailing_zeros(self.q) if not self.q[-1] and self.q.any() else 0
         shared = self._shared_zeros
-        return max(shared + (sum(self._constants(shared)) == 0), self.origin)
+        cancel = sum(float(p[-1 - shared]) for p, _ in self.terms if p.size > shared) == 0
+        return max(shared + cancel, self.origin) - self.divided
 
-    @property
-    def divided(self) -> int:
-        """Power of s by which the sum of terms is divided: 0, but in some `over_s`."""
-        return 0
-
-    @property
+    @cached_property
     def undivided(self) -> QuasiPolynomial:
         """The sum of terms itself, where it has been divided by a power of s."""
-        return self
+        return replace(self, divided=0) if self.divided else self
 
     @property
     def _shared_zeros(self) -> int:
         """Multiplicity of the root s = 0 that all terms share."""
         return min(trailing_zeros(p) for p, _ in self.terms if p.any())
-
-    def _constants(self, power: int) -> list[float]:
-        """Coefficients of s to this power, one of each term."""
-        return [float(p[-1 - power]) for p, _ in self.terms if p.size > power]
 
     @cached_property
     def without_origin(self) -> QuasiPolynomial:
@@ -181,12 +162,8 @@ class QuasiPolynomial:
         if not power:
             return self
         shared = min(power, self._shared_zeros)
-        p = self
-        if shared:
-            delayed = tuple(Term(drop(p, shared), delay) for p, delay in self.delayed)
-            q, scale = drop(self.q, shared), self.scale[:-shared]
-            p = QuasiPolynomial(q, scale=scale, more=delayed, origin=self.origin - shared)
-        return _OverS.of(p, power - shared) if power > shared else p
+        p = self._times_s(-shared)
+        return replace(p, divided=p.divided + power - shared) if power > shared else p
 
     def lifted(self, power: int) -> QuasiPolynomial:
         """Multiply by a power of s, at least `divided`: whole terms are left.
@@ -195,45 +172,75 @@ class QuasiPolynomial:
         ----------
         power : int
         """
+        return self.undivided._times_s(power - self.divided)
+
+    def _times_s(self, power: int) -> QuasiPolynomial:
+        """Multiply every term by a power of s, or divide where all of them have it."""
         if not power:
             return self
-        delayed = tuple(Term(times_s(p, power), delay) for p, delay in self.delayed)
-        q, scale = times_s(self.q, power), times_s(self.scale, power)
-        return QuasiPolynomial(q, scale=scale, more=delayed, origin=self.origin + power)
+
+        def moved(p: FloatArray) -> FloatArray:
+            if not p.any():
+                return p
+            return np.append(p, np.zeros(power)) if power > 0 else p[:power]
+
+        delayed = tuple(Term(moved(p), delay) for p, delay in self.delayed)
+        origin = self.origin + power
+        return QuasiPolynomial(moved(self.q), scale=moved(self.scale), more=delayed, origin=origin)
 
     @cached_property
     def expanded(self) -> tuple[FloatArray, int]:
         r"""P and m of ``P(s) + sum of r(s) (exp(-sT) - its Taylor polynomial of degree m - 1)``.
 
-        That is the sum, written so that its root at s = 0, which its terms have only together, of
-        multiplicity m, is one of P, too.
+        That is the undivided sum, written so that its root at s = 0, which its terms have only
+        together, of multiplicity m, is one of P, too.
         """
-        m = self.zeros_at_origin - self._shared_zeros if self.delay else 0
+        zeros = self.zeros_at_origin + self.divided
+        m = zeros - self._shared_zeros if self.delay else 0
         if m <= 0:
             return self.q, 0
         parts = [np.convolve(r, exponential(delay, m)) for r, delay in self.delayed]
         p = reduce(add, parts, self.q)
-        p[-min(self.zeros_at_origin, p.size) :] = 0.0
+        p[-min(zeros, p.size) :] = 0.0
         return p, m
 
     @property
     def constant(self) -> float:
         """Value at s = 0."""
-        return float(sum(self._constants(0)))
+        p, m = self.expanded
+        if m > self.divided:
+            return 0.0
+        at_zero = float(p[-1 - m]) if p.size > m else 0.0
+        return at_zero + sum(float(r[-1]) * (-T) ** m / factorial(m) for r, T in self.delayed)
 
     def __call__(self, s: complex | ComplexArray) -> Any:
         """Evaluate at complex `s`, a number or an array of any shape."""
         s = np.asarray(s, dtype=complex)
-        value = horner(self.q, s)
-        for r, delay in self.delayed:
-            value = value + horner(r, s) * np.exp(-delay * s)
-        return value
+        p, m = self.expanded if self.divided else (self.q, 0)
+        value = horner(p[: p.size - m], s) if p.size > m else 0.0
+        for r, T in self.delayed:
+            value = value + horner(r, s) * (-T) ** m * exponential_rest(-T * s, m, divided=True)
+        return value * s ** (m - self.divided) if m > self.divided else value
+
+    def size(self, s: ComplexArray) -> FloatArray:
+        """Size of what is summed to give the value at each `s` on the axis or right of it.
+
+        Parameters
+        ----------
+        s : array of complex
+            In rad/s.
+        """
+        scale = self.scale
+        if self.divided:  # Taylor's remainder of exp(-sT) is at most T^m |s|^m/m!
+            late = [np.convolve(abs(r), exponential(-T, self.divided + 1)) for r, T in self.delayed]
+            scale = reduce(add, late, scale)[: -self.divided]
+        return np.asarray(np.polyval(scale, np.abs(s)))
 
     @cached_property
     def finite_part(self) -> QuasiPolynomial:
         """What is left when roots at s = 0 and a bare dead time, which has none, are taken out."""
         p = self.without_origin
-        if not p.delay or p.q.any():
+        if not p.delay or p.divided or p.q.any():
             return p
         shortest = p.delayed[-1].delay
         advanced = tuple(Term(r, delay - shortest) for r, delay in p.delayed)
@@ -246,7 +253,13 @@ class QuasiPolynomial:
         A root at s = 0, which the path passes on the right, adds a quarter of a revolution.
         """
         p = self.finite_part
-        return argument_change(p.terms, p.scale) if p is self else p.argument_change
+        if p is not self:
+            return p.argument_change
+        found = argument_change(self.terms, self.scale, max(self.divided, 1))
+        if not self.divided:
+            return found
+        touched = tuple(w for w in found.touched if w) if found.origin_alone else found.touched
+        return ArgumentChange(found.angle - self.divided * pi / 2, touched)
 
     def near_axis(self, roots: ComplexArray) -> BoolArray:
         """Tell which roots a change of the coefficients within rounding moves onto the axis.
@@ -259,8 +272,8 @@ class QuasiPolynomial:
         near = np.abs(roots.real) <= 0.1 * np.abs(roots)
         if near.any():
             omega = np.abs(roots.imag[near])
-            p = self.undivided
-            near[near] = np.abs(p(1j * omega)) <= ROUNDING * np.polyval(p.scale, omega)
+            size = np.polyval(self.scale, omega)
+            near[near] = np.abs(self.undivided(1j * omega)) <= ROUNDING * size
         return near
 
     @cached_property
@@ -280,7 +293,12 @@ class QuasiPolynomial:
 
     @property
     def _rightmost(self) -> ComplexArray:
-        return rightmost_roots(self.q, self.delayed)
+        found = rightmost_roots(self.q, self.delayed)
+        if not self.divided:
+            return found
+        origin = np.abs(found) * self.delay <= AT_ORIGIN
+        # Of the root next to one at s = 0 that is the rightmost nothing is known.
+        return found[:0] if origin[:1].any() else found[~origin]
 
     @property
     def roots_resolved(self) -> bool:
@@ -295,9 +313,10 @@ class QuasiPolynomial:
         if not p.delay:
             return polynomial_roots(p.q)
         try:
-            return delay_roots(p.q, p.delayed)
+            found = delay_roots(p.q, p.delayed)
         except ArithmeticError:
             return None
+        return found[np.argsort(np.abs(found))[p.divided :]]
 
     @cached_property
     def rhp_in_whole_numbers(self) -> int | None:
@@ -311,120 +330,21 @@ class QuasiPolynomial:
             return p.rhp_in_whole_numbers
         if not p.delay:
             return rhp_count(whole(p.q)[0])
-        if not p.more:
-            return count_by_crossings(p.q, p.r, p.delay)
-        return p._rhp_between_delays(0)
+        if p.divided > 1:
+            return None
+        return p._rhp_between_delays() if p.more else count_by_crossings(p.q, p.r, p.delay)
 
-    def _rhp_between_delays(self, held: int) -> int | None:
-        """Count with two delays; `held` roots stay at s = 0 whatever they are."""
+    def _rhp_between_delays(self) -> int | None:
+        """Count with two delays; `divided` roots stay at s = 0 whatever they are."""
         if len(self.more) > 1:
             return None
         (moving, shorter), longer = self.more[0], self.delay
-        equal = QuasiPolynomial(self.q, add(self.r, moving), longer, self.undivided.scale)
-        if equal.zeros_at_origin != held:
+        equal = QuasiPolynomial(self.q, add(self.r, moving), longer, self.scale)
+        if equal.zeros_at_origin != self.divided:
             return None
-        start = equal.over_s(held).rhp_in_whole_numbers
+        start = equal.over_s(self.divided).rhp_in_whole_numbers
         change = crossings_between(self.q, (self.r, longer), moving, longer, shorter)
         return None if start is None or change is None else start + change
-
-
-@dataclass(frozen=True, eq=False)
-class _OverS(QuasiPolynomial):
-    """A sum that vanishes at s = 0 although not all of its terms do, divided by a power of s."""
-
-    whole: QuasiPolynomial = field(kw_only=True)
-    power: int = field(kw_only=True)
-
-    def __post_init__(self) -> None:
-        pass
-
-    @classmethod
-    def of(cls, p: QuasiPolynomial, power: int) -> _OverS:
-        # On the right Taylor's remainder of exp(-sT) is at most T^m |s|^m/m!.
-        parts = [np.convolve(np.abs(r), exponential(-T, power + 1)) for r, T in p.delayed]
-        scale = reduce(add, parts, p.scale)[:-power]
-        return cls(p.q, p.r, p.delay, scale, p.more, whole=p, power=power)
-
-    @property
-    def degree(self) -> int:
-        return self.undivided.degree - self.power
-
-    @property
-    def divided(self) -> int:
-        return self.power
-
-    @property
-    def undivided(self) -> QuasiPolynomial:
-        return self.whole
-
-    @cached_property
-    def zeros_at_origin(self) -> int:
-        return self.undivided.zeros_at_origin - self.power
-
-    def over_s(self, power: int) -> QuasiPolynomial:
-        return self.undivided.over_s(self.power + power) if power else self
-
-    def lifted(self, power: int) -> QuasiPolynomial:
-        return self.undivided.lifted(power - self.power)
-
-    @cached_property
-    def expanded(self) -> tuple[FloatArray, int]:
-        return self.undivided.expanded
-
-    @property
-    def constant(self) -> float:
-        p, m = self.expanded
-        if m > self.power:
-            return 0.0
-        at_zero = float(p[-1 - m]) if p.size > m else 0.0
-        return at_zero + sum(float(r[-1]) * (-T) ** m / factorial(m) for r, T in self.delayed)
-
-    def __call__(self, s: complex | ComplexArray) -> Any:
-        s = np.asarray(s, dtype=complex)
-        p, m = self.expanded
-        value = horner(p[:-m], s) if p.size > m else 0.0
-        for r, T in self.delayed:
-            value = value + horner(r, s) * (-T) ** m * exponential_rest(-T * s, m, divided=True)
-        return value * s ** (m - self.power) if m > self.power else value
-
-    @property
-    def finite_part(self) -> QuasiPolynomial:
-        return self.without_origin
-
-    @cached_property
-    def argument_change(self) -> ArgumentChange:
-        if self.zeros_at_origin:
-            return self.without_origin.argument_change
-        found = argument_change(self.undivided.terms, self.undivided.scale, self.power)
-        touched = found.touched
-        if found.origin_alone:
-            touched = tuple(omega for omega in touched if omega)
-        return ArgumentChange(found.angle - self.power * pi / 2, touched)
-
-    @cached_property
-    def _eigenvalues(self) -> ComplexArray | None:
-        if self.zeros_at_origin:
-            return self.without_origin._eigenvalues
-        try:
-            found = delay_roots(self.q, self.delayed)
-        except ArithmeticError:
-            return None
-        return found[np.argsort(np.abs(found))[self.power :]]
-
-    @property
-    def _rightmost(self) -> ComplexArray:
-        """None if the root at s = 0 is the rightmost: nothing is then known of the next one."""
-        found = rightmost_roots(self.q, self.delayed)
-        origin = np.abs(found) * self.delay <= AT_ORIGIN
-        return found[:0] if origin[:1].any() else found[~origin]
-
-    @property
-    def rhp_in_whole_numbers(self) -> int | None:
-        if self.power > 1 or self.zeros_at_origin:
-            return None
-        if self.more:
-            return self._rhp_between_delays(self.power)
-        return count_by_crossings(self.q, self.r, self.delay)
 
 
 def multiply(*factors: QuasiPolynomial) -> QuasiPolynomial:

@@ -99,8 +99,7 @@ def frequency_segments(p: QuasiPolynomial) -> FloatArray:
     p : QuasiPolynomial
         Without roots at s = 0; retarded, or neutral with ratio below 1.
     """
-    terms = p.undivided
-    return zero_free_frequencies(terms.terms, terms.scale, max(p.divided, 1))
+    return zero_free_frequencies(p.terms, p.scale, max(p.divided, 1))
 
 
 def _where(change: ArgumentChange) -> str:

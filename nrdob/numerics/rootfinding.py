@@ -16,7 +16,7 @@ from math import ceil, pi
 
 import numpy as np
 
-from .arrays import ComplexArray, FloatArray
+from .arrays import BoolArray, ComplexArray, FloatArray
 
 __all__ = [
     "Delayed",
@@ -25,6 +25,7 @@ __all__ = [
     "frequencies_beside",
     "polynomial_roots",
     "value_and_slope",
+    "vanishing",
 ]
 # Polynomials behind their delays in seconds.
 Delayed = Sequence[tuple[FloatArray, float]]
@@ -128,16 +129,20 @@ def value_and_slope(
     return value, slope
 
 
-def _both(coefficients: FloatArray, s: ComplexArray) -> tuple[ComplexArray, ComplexArray]:
+def _both(p: FloatArray, s: ComplexArray) -> tuple[ComplexArray, ComplexArray]:
     """Return a polynomial and its derivative at `s`."""
-    powers = np.ones((*s.shape, coefficients.size), dtype=complex)
-    powers[..., 1:] = s[..., None]
-    np.multiply.accumulate(powers, axis=-1, out=powers)
-    both = np.zeros((coefficients.size, 2), dtype=complex)
-    both[:, 0] = coefficients[::-1]
-    both[:-1, 1] = coefficients[-2::-1] * np.arange(1, coefficients.size)
-    found = powers @ both
-    return found[..., 0], found[..., 1]
+    both = np.zeros((p.size, 2), dtype=complex)
+    both[:, 0], both[:-1, 1] = p[::-1], np.polyder(p)[::-1]
+    found = np.vander(s, p.size, increasing=True) @ both
+    return found[:, 0], found[:, 1]
+
+
+def vanishing(q: FloatArray, delayed: Delayed, s: ComplexArray) -> BoolArray:
+    """Tell where p is as small against its terms as rounding leaves it at a root."""
+    size = np.polyval(np.abs(q), np.abs(s))
+    for r, delay in delayed:
+        size = size + np.polyval(np.abs(r), np.abs(s)) * np.exp(-delay * s.real)
+    return np.asarray(np.abs(value_and_slope(q, delayed, s)[0]) <= 1e-9 * size)
 
 
 def _polished(q: FloatArray, delayed: Delayed, roots: ComplexArray) -> ComplexArray:
@@ -178,7 +183,8 @@ def _reach(
     leading = [shrink * growth * abs(r[0]) for r, growth in grown]
     sizes = np.concatenate([np.abs(poles), *map(np.abs, zeros)])
     top = 4 * float(np.max(sizes, initial=0.0)) + 4 * max(
-        _crossover(q, r, size) for (r, _), size in zip(delayed, leading, strict=True)
+        (size / abs(q[0])) ** (1 / (q.size - r.size)) if r.size < q.size else 0.0
+        for (r, _), size in zip(delayed, leading, strict=True)
     )
     radius = np.geomspace(1e-6, 1.0, 500) * top
     gap = np.where(
@@ -197,12 +203,6 @@ def _reach(
     return float(radius[min(inside[-1] + 1, 499)] if inside.size else radius[0]) + abs(abscissa)
 
 
-def _crossover(q: FloatArray, r: FloatArray, leading: float) -> float:
-    """Return where the leading terms of q and r are equal, 0 for equal degrees."""
-    excess = q.size - r.size
-    return float((leading / abs(q[0])) ** (1 / excess)) if excess else 0.0
-
-
 def _collocated_roots(q: FloatArray, delayed: Delayed, speed: float, nodes: int) -> ComplexArray:
     longest = delayed[0][1]
     loop = _collocated_loop(q, delayed, speed, nodes)
@@ -215,13 +215,8 @@ def _collocated_roots(q: FloatArray, delayed: Delayed, speed: float, nodes: int)
     guesses = guesses[resolved | (guesses.real > 0)]
     roots = _polished(q, delayed, guesses)
     moved = np.abs(roots - guesses) * longest
-    with np.errstate(divide="ignore", invalid="ignore"):
-        size = np.polyval(np.abs(q), np.abs(roots))
-        for r, delay in delayed:
-            size = size + np.polyval(np.abs(r), np.abs(roots)) * np.exp(-delay * roots.real)
-        residual = np.abs(value_and_slope(q, delayed, roots)[0]) / size
-    true = (moved < 1e-2 * (1 + np.abs(guesses) * longest)) & (residual < 1e-9)
-    return np.asarray(roots[true])
+    near = moved < 1e-2 * (1 + np.abs(guesses) * longest)
+    return np.asarray(roots[near & vanishing(q, delayed, roots)])
 
 
 def _collocated_loop(q: FloatArray, delayed: Delayed, speed: float, nodes: int) -> FloatArray:

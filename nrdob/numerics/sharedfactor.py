@@ -14,16 +14,14 @@ from collections.abc import Iterator
 from typing import NamedTuple
 
 import numpy as np
+from scipy.linalg import convolution_matrix
 
 from .arrays import ROUNDING, BoolArray, ComplexArray, FloatArray, IntArray
-from .coefficients import products
 from .quasipoly import QuasiPolynomial
 
-__all__ = ["Shared", "factor_near", "shared_factor", "without_shared_factor"]
+__all__ = ["Shared", "factor_near", "shared_factor"]
 
 NEARNESS = (1e-6, 1e-2, 0.3)  # within which roots may be copies of one; multiple ones scatter
-
-
 EPS = 4 * float(np.finfo(float).eps)  # rounding of a product, against the sizes of what is summed
 
 VANISHING, NO_ROOT = 1e-9, 1e-2
@@ -46,24 +44,6 @@ class Shared(NamedTuple):
     common: QuasiPolynomial
     u: QuasiPolynomial
     v: QuasiPolynomial
-
-
-def without_shared_factor(
-    f: QuasiPolynomial, g: QuasiPolynomial
-) -> tuple[QuasiPolynomial, QuasiPolynomial]:
-    """Divide two polynomials by what they share: the u and v of `shared_factor`.
-
-    Parameters
-    ----------
-    f, g : QuasiPolynomial
-
-    Examples
-    --------
-    >>> f, g = (QuasiPolynomial(np.poly(roots)) for roots in ([-1, -1, -3], [-1, -1, -1.001]))
-    >>> [len(p.q) - 1 for p in without_shared_factor(f, g)]
-    [1, 1]
-    """
-    return shared_factor(f, g)[1:]
 
 
 def shared_factor(f: QuasiPolynomial, g: QuasiPolynomial) -> Shared:
@@ -162,7 +142,7 @@ def _suggested(f: QuasiPolynomial, g: QuasiPolynomial) -> Iterator[FloatArray]:
 
 def _sizes_at(p: QuasiPolynomial, s: ComplexArray) -> FloatArray:
     """Values against the sizes of their terms."""
-    return np.asarray(np.abs(p(s)) / np.polyval(p.scale, np.abs(s)))
+    return np.asarray(np.abs(p(s)) / p.size(s))
 
 
 def _neighbourhoods(near: BoolArray) -> Iterator[tuple[IntArray, IntArray]]:
@@ -197,7 +177,7 @@ def _fitted(f: QuasiPolynomial, g: QuasiPolynomial, divisor: FloatArray) -> Shar
     weights = tuple(1 / _sizes(p) for p in (f, g))
     with np.errstate(all="ignore"):
         u, v = (
-            _least_squares(products(divisor, p.q.size - m) * w[:, None], p.q * w)
+            _least_squares(convolution_matrix(divisor, p.q.size - m) * w[:, None], p.q * w)
             for p, w in zip((f, g), weights, strict=True)
         )
         for _ in range(5):
@@ -210,9 +190,9 @@ def _fitted(f: QuasiPolynomial, g: QuasiPolynomial, divisor: FloatArray) -> Shar
                 break
             rows = f.q.size
             jacobian = np.zeros((rows + g.q.size, m + u.size + v.size))
-            jacobian[:, :m] = np.vstack([products(c, m + 1)[:, 1:] for c in (u, v)])
-            jacobian[:rows, m : m + u.size] = products(divisor, u.size)
-            jacobian[rows:, m + u.size :] = products(divisor, v.size)
+            jacobian[:, :m] = np.vstack([convolution_matrix(c, m + 1)[:, 1:] for c in (u, v)])
+            jacobian[:rows, m : m + u.size] = convolution_matrix(divisor, u.size)
+            jacobian[rows:, m + u.size :] = convolution_matrix(divisor, v.size)
             jacobian *= np.concatenate(weights)[:, None]
             step = _least_squares(jacobian, np.concatenate(errors))
             divisor = divisor + np.concatenate([[0.0], step[:m]])

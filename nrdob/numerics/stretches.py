@@ -96,9 +96,7 @@ class Stretches(NamedTuple):
     def joined(cls, parts: Sequence[Stretches]) -> Stretches:
         """Put those together that are decided."""
         decided = [part.where(part.mark != UNDECIDED) for part in parts]
-        return (
-            decided[0] if len(parts) == 1 else cls(*map(np.concatenate, zip(*decided, strict=True)))
-        )
+        return cls(*map(np.concatenate, zip(*decided, strict=True)))
 
 
 class Certified(NamedTuple):
@@ -171,7 +169,8 @@ class Sums(NamedTuple):
         for q, delay in self.terms:
             rows = _rows(q, powers)
             if isinstance(rows, np.ndarray):
-                value = (_units(len(q)) @ rows.reshape(len(q), -1)).reshape(rows.shape[1:])
+                real, imag = _binomial_parts(len(q))[:: len(q)] @ rows.reshape(len(q), -1)
+                value = (real + 1j * imag).reshape(rows.shape[1:])
             else:
                 value = _coefficient(rows, 0, 0) + 1j * _coefficient(rows, 0, 1)
             found.append(value * np.exp(-1j * delay * omega) if delay.any() else value)
@@ -396,8 +395,3 @@ def _binomial_parts(n: int) -> FloatArray:
     for i, m in np.ndindex(n, n):
         found[(i - m) % 2, m, i] = comb(i, m) * SIGNS[(i - m) % 4]
     return found.reshape(2 * n, n)
-
-
-@lru_cache(maxsize=64)
-def _units(n: int) -> ComplexArray:
-    return np.asarray(1j ** np.arange(n))

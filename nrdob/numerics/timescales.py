@@ -21,7 +21,7 @@ from math import inf, log2
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.linalg import expm, matrix_balance
+from scipy.linalg import convolution_matrix, expm, matrix_balance
 
 from .arrays import ComplexArray, FloatArray
 from .rootfinding import polynomial_roots
@@ -115,12 +115,12 @@ def _blocks(nums: FloatArray, den: FloatArray, horizon: float) -> list[Block]:
     floor = -np.log2(horizon) - _REMOTE if horizon else moduli[-1]
     for k in _cuts(np.maximum(moduli, floor)):
         unit = round((max(moduli[k], floor) + max(moduli[k - 1], floor)) / 2)
-        parts = _parted(_in_unit(nums, unit), _in_unit(den, unit), k)
-        if parts is not None:
-            slow, fast = (
-                _blocks(_in_unit(a, -unit), _in_unit(g, -unit), horizon) for a, g in parts
-            )
-            return slow + fast
+        try:
+            parts = _parted(_in_unit(nums, unit), _in_unit(den, unit), k)
+        except np.linalg.LinAlgError:  # it cannot be cut here
+            continue
+        slow, fast = (_blocks(_in_unit(a, -unit), _in_unit(g, -unit), horizon) for a, g in parts)
+        return slow + fast
     return [_realised(nums, den, max(float(np.mean(np.maximum(moduli, floor))), floor))]
 
 
@@ -160,22 +160,22 @@ def _in_unit(coefficients: FloatArray, unit: int) -> FloatArray:
 
 def _parted(
     nums: FloatArray, p: FloatArray, k: int
-) -> tuple[tuple[FloatArray, FloatArray], tuple[FloatArray, FloatArray]] | None:
-    """Part nums/p into a/g with the k roots well inside the unit circle, and b/h, if it can be."""
+) -> tuple[tuple[FloatArray, FloatArray], tuple[FloatArray, FloatArray]]:
+    """Part nums/p into a/g with the k roots well inside the unit circle, and b/h."""
     n = p.size - 1
     g, h = p[: k + 1] / p[k], p[k:].copy()
     for _ in range(_NEWTON_STEPS):
         rest = p - np.convolve(g, h)
         if (np.abs(rest) <= 4 * n * _EPS * np.convolve(np.abs(g), np.abs(h))).all():
             break
-        correction = _solved(_sylvester(g, h), rest)
+        correction = np.linalg.solve(_sylvester(g, h), rest)
         g[:k] += correction[:k]
         h += correction[k:]
     else:
-        return None
+        raise np.linalg.LinAlgError("Newton's method does not converge")
     matrix = _sylvester(g, h)
-    ab = _solved(matrix, nums.T)
-    ab += _solved(matrix, nums.T - matrix @ ab)
+    ab = np.linalg.solve(matrix, nums.T)
+    ab += np.linalg.solve(matrix, nums.T - matrix @ ab)
     a = np.zeros((len(nums), k + 1))
     a[:, :k] = ab[:k].T
     return (a, g), (ab[k:].T, h)
@@ -183,21 +183,8 @@ def _parted(
 
 def _sylvester(g: FloatArray, h: FloatArray) -> FloatArray:
     """Matrix from the coefficients of a, of lower degree than g, and b to those of a h + b g."""
-    k, size = g.size - 1, g.size + h.size - 1
-    matrix = np.zeros((size, size))
-    for i in range(k):
-        matrix[i : i + h.size, i] = h
-    for i in range(h.size):
-        matrix[i : i + k + 1, k + i] = g
-    return matrix
-
-
-def _solved(matrix: FloatArray, right: FloatArray) -> FloatArray:
-    """Solve, or return what no one takes for a solution where there is none."""
-    try:
-        return np.asarray(np.linalg.solve(matrix, right))
-    except np.linalg.LinAlgError:
-        return np.full(right.shape, np.nan)
+    of_a = np.pad(convolution_matrix(h, g.size - 1), ((0, 1), (0, 0)))
+    return np.hstack([of_a, convolution_matrix(g, h.size)])
 
 
 def _realised(nums: FloatArray, den: FloatArray, modulus: float) -> Block:

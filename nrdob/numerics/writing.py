@@ -7,7 +7,7 @@ from math import isfinite, isnan
 
 import numpy as np
 
-__all__ = ["four_digits", "number", "written"]
+__all__ = ["number", "written"]
 
 
 def number(value: float, digits: int = 3) -> str:
@@ -38,13 +38,8 @@ def number(value: float, digits: int = 3) -> str:
     return text.replace("-", "−")
 
 
-def four_digits(value: float) -> str:
-    """Write a number with four digits as a message or a table does."""
-    return f"{value:.4g}"
-
-
 def written(
-    value: complex, write: Callable[[float], str] = four_digits, *, pair: bool = False
+    value: complex, write: Callable[[float], str] = "{:.4g}".format, *, pair: bool = False
 ) -> str:
     """Write a complex number; a real one without its imaginary part.
 

@@ -211,7 +211,8 @@ class Feedback:
         terms, scale = self.characteristic(plants)
         n = scale.shape[1]
         q = terms[0].q
-        if q.shape[0] < scale.shape[0]:  # advanced, or ill-posed: not for arrays
+        # Advanced or ill-posed, or an integrator of a delayed model cancels: not for arrays.
+        if q.shape[0] < scale.shape[0] or self.denominator.divided:
             return np.zeros(n, dtype=bool), np.zeros(n, dtype=bool)
         if len(terms) == 1:
             stable, unstable = hurwitz(q, ROUNDING * scale)

@@ -62,7 +62,7 @@ def _family(rng: np.random.Generator, model) -> FilterFamily:
         for k, c in enumerate(lags):
             den[k, k] += x * c
             den[k + 1, k] += c
-        return filter_family(kind, num=[1], den=den)
+        return FilterFamily(kind, np.ones((1, 1)), den)
     return filter_family(kind, order)
 
 

@@ -23,6 +23,7 @@ from nrdob.design.columns import last_root, none_beyond, roots_of_columns
 from nrdob.design.crossings import Branches
 from nrdob.design.mismatch import Mismatch
 from nrdob.design.mismatchgrid import Frequencies
+from nrdob.diagram import FilterFamily
 
 s = ct.tf("s")
 lag = 1 / (s + 1)
@@ -31,7 +32,7 @@ lag = 1 / (s + 1)
 def lags(order):
     """The filters of eq. (1), as any family is read."""
     rows = filter_family("binomial", order)
-    return filter_family("own", num=rows.num.tolist(), den=rows.den.tolist())
+    return FilterFamily("own", rows.num, rows.den)
 
 
 @pytest.mark.parametrize("number", [2, 3])
@@ -60,7 +61,7 @@ def test_first_order_is_a_lag_and_needs_two_theta_over_pi(kind, delay):
 @pytest.mark.parametrize("zeta", [0.5, sqrt(0.5), 1.0])
 def test_pure_delay_under_a_second_order_filter(zeta):
     # exp(-jωθ) = 1 - 1/F = x² - 2ζjx with x = λω.
-    family = filter_family("own", num=[1], den=[[1, 0, 0], [2 * zeta, 0], 1])
+    family = FilterFamily("own", np.ones((1, 1)), np.diag([1.0, 2 * zeta, 1.0]))
     x = brentq(lambda x: x**4 + 4 * zeta**2 * x**2 - 1, 0, 2)
     angle = -np.angle(x**2 - 2j * zeta * x)  # = ωθ
     theta = 0.7
@@ -89,7 +90,7 @@ def test_an_inexact_model_bounds_the_interpolating_filters_of_an_unstable_plant(
 
 
 def test_time_constants_at_which_the_filter_itself_is_unstable_are_left_out():
-    family = filter_family("own", num=[1], den=[[1, 0, 0], [-1, 2, 0], 1])
+    family = FilterFamily("own", np.ones((1, 1)), np.array([[1, 0, 0], [-1, 2, 0], [0, 0, 1]]))
     assert stabilizing_time_constants(lag, lag, family) == [(0.0, pytest.approx(2.0, rel=1e-12))]
 
 

@@ -11,6 +11,7 @@ from campaigns.plants import plant_and_model
 from nrdob import admissible_time_constants, design_filter, filter_family
 from nrdob.alternatives.measures import step_peak
 from nrdob.design.mismatch import Mismatch
+from nrdob.diagram import FilterFamily
 
 s = ct.tf("s")
 lag = 1 / (s + 1)
@@ -92,7 +93,7 @@ def test_lags_read_as_a_family_are_sampled_to_the_windows_that_their_order_exclu
         _, process, model = plant_and_model(rng)
         order = Mismatch.of(process, model).order
         rows = filter_family("binomial", order)
-        family = filter_family("own", num=rows.num.tolist(), den=rows.den.tolist())
+        family = FilterFamily("own", rows.num, rows.den)
         limit = {"max_ms": float(rng.uniform(1.2, 3.0))}
         exact = admissible_time_constants(process, model, order, **limit)
         sampled = admissible_time_constants(process, model, family, **limit)

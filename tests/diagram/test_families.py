@@ -66,13 +66,6 @@ def test_binomial_family_gives_low_pass_filters():
         (("ramp", 2, {"ramp": 3}), ValueError, "higher order"),
         (("bessel", 2, {"ramp": 2}), ValueError, "takes no ramp"),
         (("interpolating", 1, {"model": 4 / (2 - s - s**2)}), ValueError, "take order 3"),
-        (("own", None, {"num": [1], "den": [[1, 0], 2]}), ValueError, "is not 1"),
-        (("own", None, {"num": [0], "den": [[1, 0], 0]}), ValueError, "is not 1"),
-        (("own", None, {"num": [1], "den": [2, 1]}), ValueError, "do not depend"),
-        (("own", None, {"num": [1], "den": [lambda lag: lag, 1]}), TypeError, "polynomial"),
-        (("own", None, {"num": [1], "den": ["λ", 1]}), TypeError, "polynomial"),
-        (("own", None, {"num": [[1, 0], 1], "den": [1]}), ValueError, "proper"),
-        (("own", None, {"num": [1], "den": [[np.nan, 0], 1]}), ValueError, "finite"),
     ],
 )
 def test_what_is_no_family_is_refused_with_the_remedy(given, error, message):

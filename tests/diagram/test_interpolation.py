@@ -85,7 +85,7 @@ def test_what_cancels_is_recognised_in_random_models(decades):
         (s / (s + 1) ** 2, {}, "a zero at s = 0"),
         (1 / (s - 1), {"order": 1}, r"2 times F = 1 to meet.*take order 2 or more"),
         (1 / s**2, {"order": 2}, "take order 3 or more"),
-        (1 / (s - 1), {"time_constant": 0.0}, "needs a positive one"),
+        (1 / (s - 1), {"time_constant": 0.0}, "needs a positive number"),
         (1 / (s - 1), {"ramp": 0}, "ramp >= 1"),
         (nrdob.delay(1.0) / (s - 1), {}, "a pole at s = 1 and a dead time of 1 s"),
         (0 / (s + 1), {}, "identically zero"),

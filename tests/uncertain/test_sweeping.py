@@ -35,6 +35,13 @@ def test_a_model_that_waits_is_swept_too():
                                           samples=40), every=4) == []  # fmt: skip
 
 
+def test_a_delayed_model_with_an_integrator_is_swept_too():
+    motor = nrdob.delay(0.2) * ct.tf([1], [1, 1, 0])
+    loop = nrdob.NRDOB(1.1 * motor, motor, 0.3, LowPassFilter(0.8, 2))
+    assert loop.built.E.divided == 1 and loop.stability().stable
+    assert differences(loop, nrdob.plant_family(loop.process, gain=(0.3, 3), samples=12)) == []
+
+
 @pytest.mark.parametrize(("order", "bound"), [(3, 9.0), (4, 5.0), (6, 1 + (2 / 3**0.5) ** 6)])
 def test_a_pure_gain_error_is_survived_up_to_the_closed_form_bound(order, bound):
     matched = ct.tf([1], [1, 3, 2])
