@@ -13,10 +13,11 @@ from nrdob_course.exercises.set1 import (
     INPUTS,
     PolynomialCase,
     SettledCase,
+    TwinCase,
+    WishCase,
     draw_sensitivity,
     gain_readings,
 )
-from nrdob_course.exercises.set1_filters import TwinCase, WishCase
 
 GROUPS = range(1, 16)  # tests/campaigns/misconceptions.py takes more of them
 

@@ -12,8 +12,7 @@ from nrdob_course.exercises import own_case, score
 from nrdob_course.exercises.cases import s
 from nrdob_course.exercises.drawing import first_fitting
 from nrdob_course.exercises.figures import draw_without_count
-from nrdob_course.exercises.set2 import CLOSING, READING
-from nrdob_course.exercises.set2_loops import LITERAL, UNTURNED
+from nrdob_course.exercises.set2 import CLOSING, LITERAL, READING, UNTURNED
 
 GROUPS = range(1, 13)
 (FORGOTTEN,) = (

@@ -13,17 +13,19 @@ from nrdob.analysis import margin_bounds
 from nrdob.sampling import random_loop
 from nrdob_course.exercises import PROBLEMS, check, own_case
 from nrdob_course.exercises.set3 import (
+    SHARES,
+    GainCase,
     PeakCase,
     delay_readings,
     delays_of,
     draw_close,
     draw_far,
+    draw_margin_loop,
     draw_measured_loop,
     draw_noise_loop,
     measured_crossovers,
     noise_readings,
 )
-from nrdob_course.exercises.set3_margins import SHARES, GainCase, draw_margin_loop
 
 GROUPS = range(1, 13)  # tests/campaigns/misconceptions.py takes more of them
 

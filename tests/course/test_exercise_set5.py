@@ -11,10 +11,12 @@ import pytest
 from nrdob import NRDOB, LowPassFilter, stabilizing_time_constants
 from nrdob_course.exercises import own_case
 from nrdob_course.exercises.cases import s
-from nrdob_course.exercises.set5 import ADVICE, DESIGN, SIGN
-from nrdob_course.exercises.set5_edges import (
+from nrdob_course.exercises.set5 import (
+    ADVICE,
     BORDER,
+    DESIGN,
     EDGE,
+    SIGN,
     borders_read,
     draw_edge,
     edge_of,

@@ -21,7 +21,7 @@ from .cases import factored
 from .figures import draw_without_count
 from .problems import BUDGET, Case, Feedback, Misconception, Points, Problem
 from .reviewing import HIDDEN_CASES, VISIBLE_CASES, review, timed
-from .set5_edges import draw_edge
+from .set5 import draw_edge
 
 __all__ = [
     "BUDGET", "PROBLEMS", "Feedback", "Misconception", "Points", "Problem", "check", "draw_edge",
@@ -35,7 +35,7 @@ _POSED = [held for held in _HELD if isinstance(held, Problem)]
 PROBLEMS: dict[str, Problem] = {
     each.id: each for each in sorted(_POSED, key=lambda each: tuple(map(int, each.id.split("."))))
 }
-"""Every problem by its id, in their order, found in the modules set1, set1_filters, …
+"""Every problem by its id, in their order, found in the modules set1, set2, …
 
 :meta hide-value:
 """
