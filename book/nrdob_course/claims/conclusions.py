@@ -22,8 +22,7 @@ SECTION = section("conclusions")
 
 
 @SECTION.check("concl.unstable_nmp_delay")
-def designs_exist() -> Finding:
-    """See that the plants of Examples 2, 3, 4 are what they should be, and judge all six loops."""
+def _designs_exist() -> Finding:
     second, third, fourth = (both(k) for k in (2, 3, 4))
     features = [loop.G.to_tf().zeros().real.max() > 0 for loop in second]
     features += [loop.G.to_tf().poles().real.max() > 0 for loop in third]
@@ -37,13 +36,7 @@ def designs_exist() -> Finding:
 
 
 @SECTION.check("concl.not_matching")
-def not_matching() -> Finding:
-    """Judge nine filters with each: matched Examples 2 and 3; Example 4 with the path Fu delayed.
-
-    Then p = D Nm (Df − exp(−θs)) + N Dm exp(−θs), which is N·D·Df for a matched rational part; the
-    model of Example 4, whose rational part differs, is judged as well. So is a plant whose dead
-    time is a little longer, by encirclements, and filters made for the matched models.
-    """
+def _not_matching() -> Finding:
     filters = [LowPassFilter(lam, n) for n in (2, 3, 4) for lam in (0.01, 0.1, 1.0)]
     plants = [example(which).process for which in (2, 3)]
     matched = [
@@ -102,8 +95,7 @@ REFERENCE_2 = (
 
 
 @SECTION.check("ref02.year")
-def year() -> Finding:
-    """Read the year out of the printed DOI, and compute it from the printed volume."""
+def _year() -> Finding:
     found = re.search(r", (\d+) \(\d+\).*\.(\d{4})\.\d+\], (\d{4})$", REFERENCE_2)
     if not found:
         return Finding(False, "the reference cannot be read")

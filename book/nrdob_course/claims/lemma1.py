@@ -44,11 +44,7 @@ _s = ct.tf("s")
 
 
 @SECTION.check("eq07.E_R")
-def reference_to_error() -> Finding:
-    """Solve the diagram with R alone at random values; compare e with the printed formula.
-
-    The formula is compared with 1/(1 + C Gm), too.
-    """
+def _reference_to_error() -> Finding:
     finding = printed_map("E_R")
     v = Values.random(7)
     collapses = same(PRINTED_MAPS["E_R"](v), 1 / (1 + v.CGm))
@@ -61,8 +57,7 @@ def reference_to_error() -> Finding:
 
 
 @SECTION.check("eq07.E_zero")
-def the_error_sees_no_disturbance() -> Finding:
-    """Solve the diagram with δ, d and η at random values; compare e with the other signals."""
+def _the_error_sees_no_disturbance() -> Finding:
     v = Values.random(7)
     solved = [v.solve(delta=1.0), v.solve(d=1.0), v.solve(eta=1.0)]
     zero = np.array([np.abs(x.e) < EXACT * (np.abs(x.u) + np.abs(x.y)) for x in solved])
@@ -74,8 +69,7 @@ def the_error_sees_no_disturbance() -> Finding:
 
 
 @SECTION.check("eq07.U_d")
-def output_disturbance_to_control() -> Finding:
-    """Solve the diagram with d alone, then η alone; compare u with the printed formula."""
+def _output_disturbance_to_control() -> Finding:
     by_d, by_eta = printed_map("U_d"), printed_map("U_eta")
     return replace(
         by_d,
@@ -85,8 +79,7 @@ def output_disturbance_to_control() -> Finding:
 
 
 @SECTION.check("eq07.U_delta")
-def input_disturbance_to_control() -> Finding:
-    """Solve the diagram with δ alone at random values; compare u and u + δ with the formulas."""
+def _input_disturbance_to_control() -> Finding:
     v = Values.random(7)
     u = v.solve(delta=1.0).u
     printed = PRINTED_MAPS["U_delta"](v)
@@ -109,12 +102,7 @@ def input_disturbance_to_control() -> Finding:
 
 
 @SECTION.check("lemma1.polynomials")
-def rational_functions_not_polynomials() -> Finding:
-    """Follow A, and B in its first form, from s = 3 to 10⁹: a polynomial is constant or grows.
-
-    Diagram, p_A and p_B are compared at random points; the eigenvalues of a state space of the
-    whole diagram with the roots of the product, as polynomials.
-    """
+def _rational_functions_not_polynomials() -> Finding:
     loops = many_loops()
     near, far = np.array([3.0 + 0j]), np.array([1e9 + 0j])
     grows, starts, ends = [], [], []
@@ -158,8 +146,7 @@ def _modes_are_the_roots(loop: NRDOB) -> bool:
 
 
 @SECTION.check("lemma1.forms")
-def three_forms_of_b() -> Finding:
-    """Compare the forms at random values, at the roots of p_B, and for G = Gm = (1 − s)/(s + 2)."""
+def _three_forms_of_b() -> Finding:
     v = Values.random(7)
     second = 1 + v.F * (v.G / v.Gm - 1)
     loops = [loop for loop in many_loops() if not loop.delay]
@@ -198,8 +185,7 @@ def _vanishes_at_roots(loop: NRDOB) -> bool:
 
 
 @SECTION.check("lemma1.H_forms")
-def three_forms_of_h() -> Finding:
-    """Compare the three at random values of the blocks, and on loops with the package's H."""
+def _three_forms_of_h() -> Finding:
     rng = np.random.default_rng(7)
     loops = many_loops()
     v = Values.random(rng)
@@ -222,14 +208,7 @@ def _h_forms_agree(v: Values, H: ComplexArray) -> bool:
 
 
 @SECTION.check("lemma1.sufficient")
-def what_lemma_1_does_not_see() -> Finding:
-    """Compare zeros of A and B after cancellation with the modes of the whole diagram, twice.
-
-    On 60 random loops the modes and the roots of p_A and p_B must give the same verdict. The modes
-    are eigenvalues of a state space in which every block is realised by itself. An unstable F
-    under which p_B is Hurwitz must have an unstable mode, and Example 2 with n = 1, λ = 0.01 s
-    be ill-posed.
-    """
+def _what_lemma_1_does_not_see() -> Finding:
     unstable = 4 / (2 - _s - _s**2)
     in_b = NRDOB(unstable, unstable, -2.0, LowPassFilter(0.05, 2))
     in_a = NRDOB(-1 / (_s + 1), 1 / (_s - 1), (_s - 1) / (_s * (_s + 3)), LowPassFilter(2.0, 1))
@@ -295,12 +274,7 @@ def _poles_and_zeros(loop: NRDOB) -> ComplexArray:
 
 
 @SECTION.check("lemma1.H_poles")
-def poles_of_the_mismatch() -> Finding:
-    """Approach every pole of G and every zero of Gm, in Examples 1 to 3 and in random loops.
-
-    It is a pole of H if |H| grows like one over the distance. Where one has cancelled, p_B must
-    vanish.
-    """
+def _poles_of_the_mismatch() -> Finding:
     before, after, stay = [], [], []
     for loop in map(example, (1, 2, 3)):
         roots = _poles_and_zeros(loop)
@@ -324,13 +298,7 @@ def poles_of_the_mismatch() -> Finding:
 
 
 @SECTION.check("lemma1.N_p")
-def turns_that_condition_ii_needs() -> Finding:
-    """Follow 1 + FH point by point and count encirclements; compare with the roots of p_B.
-
-    Random loops with and without dead time, a plant with an integrator, G = Gm = 1/s with every
-    factor kept and with blocks built as one, a filter that is zero on the axis, and
-    G = Gm = 4/(2 − s − s²), for which a count after cancellation would call the loop stable.
-    """
+def _turns_that_condition_ii_needs() -> Finding:
     rational = random_loops(80)
     delayed = [loop for loop in random_loops(40, delayed=True) if not any(loop.FH.at_infinity)]
     integrating = NRDOB(1 / _s, 1 / (_s + 0.1), 2.0, LowPassFilter(0.05, 1))
