@@ -44,8 +44,7 @@ ROUNDED = (
     "Right, but rounded: numbers are compared to four digits, and these have fewer, which costs a "
     "quarter of the points. Leave the rounding out, or keep four digits or more."
 )
-KEPT = 0.75
-"""Share of the points for a right answer that was rounded."""
+KEPT = 0.75  # share of the points for a right answer that was rounded
 
 TOO_SLOW = "Right, but too slow: when it is graded it would be stopped, and earn nothing."
 

@@ -332,8 +332,7 @@ def gain_readings(case: SensitivityCase) -> dict[str, float]:
     }
 
 
-READ_OFF = log(1.13)
-"""How far a number that is read off a figure may be from the true one."""
+READ_OFF = log(1.13)  # how far a number that is read off a figure may be from the true one
 
 
 def _gain_lacks(case: SensitivityCase, got: float) -> str:
@@ -403,11 +402,9 @@ def _stronger(case: TwinCase, got: Twin) -> ComplexArray:
     return np.asarray(F / ((1 - F) * factor * case.loop.Gm(POINTS)) / case.loop.K(POINTS))
 
 
-LEAST = 0.009
-"""By how much the factor must differ from 1."""
+LEAST = 0.009  # by how much the factor must differ from 1
 
-SAME_K = 2e-3
-"""By how much K may differ: its filter may be given with four digits."""
+SAME_K = 2e-3  # by how much K may differ: its filter may be given with four digits
 
 
 def _twin_lacks(case: TwinCase, got: Twin) -> str:
@@ -534,8 +531,7 @@ def _wish_case(rng: np.random.Generator) -> WishCase:
     return WishCase(plant, omega_d, omega_hum, few(abs(fastest(1j * omega_hum))))
 
 
-WITHIN = 1.01
-"""By what factor a limit may be exceeded: that is three digits of λ."""
+WITHIN = 1.01  # by what factor a limit may be exceeded: that is three digits of λ
 
 
 def _most(case: WishCase, S_d: Callable[[ComplexArray], ComplexArray]) -> float:

@@ -211,8 +211,7 @@ def draw_measured_loop(draw: Callable[..., Any], which: int, rng: np.random.Gene
     return first_fitting(drawn, fits)
 
 
-READ_OFF = 0.04
-"""How far a delay found from measured points may be off."""
+READ_OFF = 0.04  # how far a delay found from measured points may be off
 
 
 def _delay_lacks(case: MeasuredCase, margin: float) -> str:

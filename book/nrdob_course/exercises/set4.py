@@ -98,8 +98,7 @@ def _card_case(rng: np.random.Generator) -> CardCase:
 
 
 ERRORS = ("the dead time", "the zero", "the lag", "the two lags")
-EDGE = 1.01
-"""How near to an edge a number must be: a step of one per cent must cross it."""
+EDGE = 1.01  # how near to an edge a number must be: a step of one per cent must cross it
 
 
 def _off(case: CardCase, got: FloatArray) -> dict[str, str]:
@@ -295,8 +294,7 @@ FASTEST_ORDER = pose(
 
 # --- 4.3 One filter for three plants ------------------------------------------------------------
 
-FASTER = 1.05
-"""By how much a filter may be slower than needed."""
+FASTER = 1.05  # by how much a filter may be slower than needed
 
 
 @dataclass(frozen=True, eq=False)

@@ -344,8 +344,7 @@ def _edge_lacks(case: FilterCase, got: Edge) -> str:
     return "" if bool(low) is (side == "below") else "it is stable on the other side"
 
 
-NEAR_EDGE = 1.12
-"""How well an edge can be read off a picture."""
+NEAR_EDGE = 1.12  # how well an edge can be read off a picture
 
 
 def _read_alike(expected: Edge, got: Edge) -> bool:

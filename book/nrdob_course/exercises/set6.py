@@ -118,8 +118,7 @@ EQUAL_REJECTION = pose(
 
 # --- The plant of the project: 6.2 and 6.6 ------------------------------------------------------
 
-ORDER = 3
-"""Relative degree of the model and one more, so that noise reaches u with a finite power."""
+ORDER = 3  # relative degree of the model and one more, so that noise reaches u with a finite power
 
 
 class Goal(NamedTuple):
@@ -273,8 +272,7 @@ def loop_of(case: Project, speed: float, order: int = ORDER) -> NRDOB:
     return NRDOB(case.plant, mirrored_model(case), controller_of(case), filter)
 
 
-SLOWEST = 1.18
-"""By how much a good λ may grow until slow disturbances are not held well enough."""
+SLOWEST = 1.18  # by how much a good λ may grow until slow disturbances are not held well enough
 
 
 @kept

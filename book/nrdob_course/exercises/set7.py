@@ -130,8 +130,7 @@ class DifferenceCase:
         )
 
 
-Row = tuple[float, float, float]
-"""c0, c1 and a of ``w[k] = c0 y[k] + c1 y[k-1] + a w[k-1]``."""
+Row = tuple[float, float, float]  # c0, c1 and a of ``w[k] = c0 y[k] + c1 y[k-1] + a w[k-1]``
 
 
 def _row(case: DifferenceCase, dz: float, one: float) -> Row:
@@ -265,8 +264,7 @@ def _made(case: ProgramCase) -> Reading:
     return Reading(value, inertia, bool(np.abs(late - 1).max() < SETTLED))
 
 
-SETTLED = 0.05
-"""Share of the reference within which a drive has settled."""
+SETTLED = 0.05  # share of the reference within which a drive has settled
 
 
 def _program_case(settles: bool) -> Callable[[np.random.Generator], ProgramCase]:
@@ -470,8 +468,7 @@ REST = pose(
 
 # --- 7.6 A motor on an elastic shaft ------------------------------------------------------------
 
-LOADS = (0.5, 1.0, 2.0)
-"""Inertia of the load, as a share of the usual one."""
+LOADS = (0.5, 1.0, 2.0)  # inertia of the load, as a share of the usual one
 
 
 @dataclass(frozen=True, eq=False)
@@ -530,8 +527,7 @@ def _on_bench(case: ShaftCase, loop: NRDOB, plant: ct.TransferFunction) -> Sampl
 
 REACHED, WITHIN = 2000, 0.02
 """After how many samples the speed must be at the reference, and within which share of it."""
-SAMPLES = 2 * REACHED
-"""How long a loop is simulated."""
+SAMPLES = 2 * REACHED  # how long a loop is simulated
 
 
 def _peak(loop: SampledLoop) -> float:

@@ -73,11 +73,9 @@ def course(root: Path) -> NbGraderAPI:
 REMARKS: list[str] = []
 """What happened while the cells ran, each as often as it did; this process runs one notebook."""
 
-FORK_SERVERS: list[Child] = []
-"""What starts kernels quickly, if there is one: the last."""
+FORK_SERVERS: list[Child] = []  # what starts kernels quickly, if there is one: the last
 
-GROUPS: list[Any] = []
-"""The groups that the answers were given for."""
+GROUPS: list[Any] = []  # the groups that the answers were given for
 
 
 class PatientExecute(Execute):  # type: ignore[misc]
@@ -281,8 +279,7 @@ SAID = {"stream", "display_data", "execute_result", "error"}
 
 TOO_SLOW = "TooSlow"
 
-PATIENCE = 1.5
-"""How much longer the clock of the grading waits than the student was told."""
+PATIENCE = 1.5  # how much longer the clock of the grading waits than the student was told
 
 
 def slow(seconds: float) -> dict[str, Any]:

@@ -29,8 +29,7 @@ __all__ = [
 
 MIME = "application/vnd.nrdob.answer+json"
 
-HANDOUT = "handout.json"
-"""The file in which a kernel finds what was handed out to it."""
+HANDOUT = "handout.json"  # the file in which a kernel finds what was handed out to it
 
 LONGEST, LONGEST_TEXT = 2_000_000, 1000
 """Letters of an answer, of which a longer one is not taken, and of a text in it."""

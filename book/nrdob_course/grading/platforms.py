@@ -28,8 +28,7 @@ CANVAS = re.compile(
 )
 AGAIN = re.compile(r"-(\d+)(?=(\.\w+)*$)")
 
-MOST_BYTES, MOST_FILES = 2_000_000_000, 20_000
-"""Of all that an archive unpacks to."""
+MOST_BYTES, MOST_FILES = 2_000_000_000, 20_000  # of all that an archive unpacks to
 ONE_FILE = 200_000_000
 
 

@@ -116,8 +116,7 @@ class Course:
 
 UNPLANNED = Course()
 
-MOST = 1_000_000
-"""Largest number in the rules of a course."""
+MOST = 1_000_000  # largest number in the rules of a course
 
 
 def spellings(name: str) -> set[str]:

@@ -31,8 +31,7 @@ __all__ = [
 
 NOBODY = 65534
 
-COURSE = Path(__file__).resolve().parents[1]
-"""The graders, which no student's code may read."""
+COURSE = Path(__file__).resolve().parents[1]  # the graders, which no student's code may read
 PACKAGE = Path(nrdob.__file__).resolve().parent
 
 # The numbers of Linux, the same on every processor: include/uapi/linux/landlock.h.
@@ -49,8 +48,7 @@ DATA = (
 )  # fmt: skip
 BOTH_WAYS = ("/dev/null", "/dev/zero", "/dev/full")
 
-MEMORY = 5 << 28
-"""Bytes, 1.25 GiB, that a process may use besides what its libraries take."""
+MEMORY = 5 << 28  # bytes, 1.25 GiB, that a process may use besides what its libraries take
 FILE_SIZE, FILES = 20 << 20, 256
 
 

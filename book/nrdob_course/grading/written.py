@@ -44,8 +44,7 @@ __all__ = [
 
 WRITTEN = ("student", "set", "problem", "of", "points", "comment", "answer", "feedback")
 
-Key = tuple[str, str, str]
-"""Student, set and problem."""
+Key = tuple[str, str, str]  # student, set and problem
 
 
 @dataclass
@@ -200,8 +199,7 @@ def answers_of(beside: Path, entry: Record) -> Iterable[tuple[str, Any]]:
 
 LOG = "changes.csv"
 LOG_COLUMNS = ("when", "who", "how", "student", "set", "problem", "old", "new", "why")
-AUTO = "auto"
-"""Stands for the points of an override that was withdrawn."""
+AUTO = "auto"  # stands for the points of an override that was withdrawn
 
 
 def log(root: Path, how: str, who: str, why: str, rows: Iterable[tuple[Key, str, str]]) -> None:
