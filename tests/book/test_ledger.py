@@ -133,7 +133,7 @@ def test_a_check_that_crashes_is_told_and_the_others_run(
     def check() -> Finding:
         raise ZeroDivisionError("division by zero")
 
-    crash = Claim("eq03", "p. 1", "Says.", "", "11_one", None, check)
+    crash = Claim("eq03", "p. 1", "Says.", "", "11_one", None, "", check)
     code, said = run(EVERY_VERDICT | {"eq03": crash}, chapters, capsys)
     assert code == 1
     assert "eq03: the check fails: division by zero" in said

@@ -291,10 +291,7 @@ def _noise_against_tracking() -> Finding:
         ABOUT,
         conditions={
             "slower filters pass less noise, and stay stable": every(quieter),
-            "T_R is free of F for G = Gm": same(
-                v.matched.map("T_R"),
-                other.matched.map("T_R"),
-            ),
+            "T_R is free of F for G = Gm": same(v.matched.map("T_R"), other.matched.map("T_R")),
             "T_R depends on F otherwise": not np.isclose(tracking, other.map("T_R")).any(),
             "F enters T_R as (1 + H)/(1 + FH)": same(
                 tracking * (1 + v.CGm) / v.CGm, (1 + v.H) / (1 + v.FH)

@@ -269,7 +269,6 @@ def _is_pole(loop: NRDOB, root: complex) -> bool:
 
 
 def _poles_and_zeros(loop: NRDOB) -> ComplexArray:
-    """Poles of G and zeros of Gm."""
     return np.concatenate([loop.G.denominator.roots, loop.Gm.numerator.roots])
 
 

@@ -72,7 +72,6 @@ def npz_text(count: NyquistCount | LoopStability) -> str:
 
 
 def _margin_texts(id: str) -> dict[str, str]:
-    """Say that a margin has the value that the paper prints."""
     which, loop_name, kind = id.split(".")
     printed, word = PRINTED[id], "phase" if kind == "pm" else "gain"
     value, said = "∞", "tends to infinity"

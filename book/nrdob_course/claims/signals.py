@@ -33,20 +33,13 @@ __all__ = [
 ]  # fmt: skip
 
 EXACT = 1e-8  # relative difference up to which two ways to compute one number agree
-
 TOLERANCE = "1e-8 relative"
-
 NEAR = 0.1
 """What "approximately" of the paper is taken to allow, of 1 or of the value compared with."""
-
 ABOUT = "“≈” taken as within 10 %"
-
 STOPPED = 0.01  # size of F where it is taken to be approximately zero
-
 ORDERS = (1, 2, 3, 4)
-
 AXIS = 1e-7  # how far to the right of the imaginary axis a curve is followed, rad/s
-
 QUADRUPLES = 100  # how many random values of the four blocks a formula is tried on
 
 

@@ -84,7 +84,7 @@ def _table(given: Any) -> FloatArray:
 def _unsatisfied(case: SettledCase, name: str, row: FloatArray) -> str:
     """Tell which line of the diagram a row does not satisfy."""
     R, delta, d, eta = (float(name == each) for each in INPUTS)
-    y, u, e = (float(value) for value in row)
+    y, u, e = map(float, row)
     if not np.isfinite(row).all():
         return f"under {name!r} three numbers are asked for, (y, u, e)"
     lines = {
@@ -107,7 +107,6 @@ def _unsettled(case: SettledCase, rows: FloatArray) -> dict[str, str]:
 
 
 def _ordinary_loop(case: SettledCase) -> Table:
-    """Settle an ordinary loop of controller and plant, without an observer."""
     S = 1 / (1 + case.C * case.G)
     return {
         "R": (1 - S, case.C * S, S),
@@ -163,10 +162,8 @@ class PolynomialCase:
     order: int
 
     def __repr__(self) -> str:
-        blocks = (
-            f"{name} = {np.round(getattr(self, name), 4).tolist()}"
-            for name in ("N", "D", "Nm", "Dm")
-        )
+        names = ("N", "D", "Nm", "Dm")
+        blocks = (f"{name} = {np.round(getattr(self, name), 4).tolist()}" for name in names)
         return f"{', '.join(blocks)}, λ = {self.time_constant:g} s, n = {self.order}"
 
 
@@ -188,12 +185,12 @@ def _product(*factors: Any) -> FloatArray:
     return np.asarray(reduce(np.polymul, factors))
 
 
-def _filter(case: PolynomialCase) -> LowPassFilter:
-    return LowPassFilter(case.time_constant, case.order)
+def _Df(case: PolynomialCase) -> FloatArray:
+    return LowPassFilter(case.time_constant, case.order).den
 
 
 def _first_term(case: PolynomialCase) -> FloatArray:
-    return _product(case.D, case.Nm, np.polysub(_filter(case).den, [1.0]))
+    return _product(case.D, case.Nm, np.polysub(_Df(case), [1.0]))
 
 
 def _p_B(case: PolynomialCase) -> FloatArray:
@@ -204,7 +201,7 @@ def _disturbance_to_output(case: PolynomialCase, s: complex) -> complex:
     """Solve the three lines of the diagram at one s for y, after a unit of d."""
     G = np.polyval(case.N, s) / np.polyval(case.D, s)
     Gm = np.polyval(case.Nm, s) / np.polyval(case.Dm, s)
-    F = 1 / np.polyval(_filter(case).den, s)
+    F = 1 / np.polyval(_Df(case), s)
     C = 1.0  # any: it does not matter for y after d
     left = np.array([[1, (1 - F) * Gm, F], [-C, 1 - F, F / Gm], [0, -G, 1]])
     return complex(np.linalg.solve(left, np.array([0, 0, 1]))[2])
@@ -250,7 +247,7 @@ POLYNOMIAL = pose(
             polynomial(case.D - case.Dm),  # vanishes where both do
         )[0],
         "1 + F G/Gm taken for 1 + F (G/Gm - 1)": lambda case: np.polyadd(
-            _product(case.D, case.Nm, _filter(case).den), _product(case.N, case.Dm)
+            _product(case.D, case.Nm, _Df(case)), _product(case.N, case.Dm)
         ),
         "typed-in fractions": lambda case: _product(_p_B(case), case.Dm),
         "plant and model exchanged": lambda case: _p_B(
@@ -286,10 +283,8 @@ class SensitivityCase:
 
     def plot(self) -> Figure:
         """Draw |S_d| over the frequency, both on log scales."""
-        k = 150
-        seen = f"{self.S_d[k]:.3g} at {self.omega[k]:.3g} rad/s"
         title = f"{self!r}".replace("Gm(0)", r"$\tilde{G}(0)$")
-        alt = f"|S_d| of your loop: {seen}"
+        alt = f"|S_d| of your loop: {self.S_d[150]:.3g} at {self.omega[150]:.3g} rad/s"
         return draw_gains(self.omega, {"S_d": self.S_d}, alt, title=title, ylabel="$|S_d|$")
 
 
@@ -341,10 +336,8 @@ def _gain_lacks(case: SensitivityCase, got: float) -> str:
     slope = case.order * case.time_constant * case.model_gain / got
     if near(float(case.S_d[0]), slope * case.omega[0], READ_OFF):
         return ""
-    return (
-        "with this gain |S_d| would begin as "
-        f"{slope:.3g} ω; compare that with your figure, at its left end"
-    )
+    words = "compare that with your figure, at its left end"
+    return f"with this gain |S_d| would begin as {slope:.3g} ω; {words}"
 
 
 READING = pose(
@@ -397,9 +390,8 @@ def _twin(given: Any) -> Twin:
 
 def _stronger(case: TwinCase, got: Twin) -> ComplexArray:
     """Divide K of the new loop by K, at some points, whether the filter may be used or not."""
-    factor, filter = got
-    F = filter(POINTS)
-    return np.asarray(F / ((1 - F) * factor * case.loop.Gm(POINTS)) / case.loop.K(POINTS))
+    F = got[1](POINTS)
+    return np.asarray(F / ((1 - F) * got[0] * case.loop.Gm(POINTS)) / case.loop.K(POINTS))
 
 
 LEAST = 0.009  # by how much the factor must differ from 1

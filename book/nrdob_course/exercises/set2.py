@@ -107,26 +107,23 @@ def _draw_sides(rng: np.random.Generator, right: int, left: int) -> ComplexArray
     return np.array(roots)
 
 
-def _roots(case: RootsCase) -> int:
-    return on_the_right(case.closed_loop_roots)
-
-
-def _poles(case: RootsCase) -> int:
-    return on_the_right(case.plant_poles, case.model_zeros)
+def _roots_and_poles(case: RootsCase) -> tuple[int, int]:
+    return on_the_right(case.closed_loop_roots), on_the_right(case.plant_poles, case.model_zeros)
 
 
 def _turns(case: RootsCase) -> float:
-    return _roots(case) - _poles(case)
+    Z, P = _roots_and_poles(case)
+    return Z - P
 
 
 TURN_MISTAKES: dict[str, Callable[[RootsCase], float]] = {
     "counter-clockwise counted as positive": lambda case: -_turns(case),
-    "Z and P added": lambda case: _roots(case) + _poles(case),
+    "Z and P added": lambda case: sum(_roots_and_poles(case)),
     "poles of the model for its zeros": lambda case: (
-        _roots(case) - on_the_right(case.plant_poles, case.model_poles)
+        _turns(case) + on_the_right(case.model_zeros) - on_the_right(case.model_poles)
     ),
-    "zeros of the model forgotten": lambda case: _roots(case) - on_the_right(case.plant_poles),
-    "the encirclements of a stable loop": lambda case: -_poles(case),
+    "zeros of the model forgotten": lambda case: _turns(case) + on_the_right(case.model_zeros),
+    "the encirclements of a stable loop": lambda case: -_roots_and_poles(case)[1],
 }
 
 TURNS = pose(
@@ -136,8 +133,8 @@ TURNS = pose(
     lacks=lambda case, got: (
         ""
         if same(_turns(case), got)
-        else f"that many encirclements do not turn P = {_poles(case)} poles into Z = "
-        f"{_roots(case)} roots of p_B in the right half plane"
+        else "that many encirclements do not turn P = {1} poles into Z = {0} roots of p_B in the "
+        "right half plane".format(*_roots_and_poles(case))
     ),
     misconceptions=TURN_MISTAKES,
 )
@@ -346,7 +343,6 @@ def _near(value: float, got: float) -> bool:
 
 
 def _hints(case: HalfCurve) -> dict[float, str]:
-    """Say what other slips look like."""
     axis, pieces = _readings(case)["axis only"], _readings(case)["pieces"]
     return {
         axis / 2: "it is what positive frequencies alone give. Where are the mirror image, the "
@@ -359,9 +355,7 @@ def _hints(case: HalfCurve) -> dict[float, str]:
 
 
 def _closing_lacks(case: HalfCurve, got: float) -> str:
-    if abs(got - _closed(case)) < 0.05:
-        return ""
-    for value, hint in _hints(case).items():
+    for value, hint in ({_closed(case): ""} | _hints(case)).items():
         if abs(got - value) < 0.05:
             return hint
     if abs(got - np.round(got)) > 0.05:
@@ -413,7 +407,6 @@ def _visible(open_loop: Quotient) -> ComplexArray:
 
 
 def _not_refuting(case: UnstablePlant, got: Any) -> str:
-    """Tell what keeps a loop from being a counterexample."""
     if lack := not_around(case.process, got):
         return lack
     for kind, term, open_loop in (("A", "C Gm", got.CGm), ("B", "FH", got.FH)):
@@ -435,11 +428,14 @@ def _not_refuting(case: UnstablePlant, got: Any) -> str:
 AT_A_BORDER = "there is no verdict on this loop, it is at a border; move away from it"
 
 
+def _around(case: UnstablePlant, model: ct.TransferFunction, controller: float) -> NRDOB:
+    return NRDOB(case.process, model, controller, LowPassFilter(0.1 / case.pole, 2))
+
+
 def _held(case: UnstablePlant, pole: float, gain: float) -> NRDOB:
     """Take a model with an unstable pole, and a controller that holds the model."""
     decay = case.decay + case.pole
-    model = 1 / ((s - pole) * (s + decay))
-    return NRDOB(case.process, model, gain * 2 * pole * decay, LowPassFilter(0.1 / case.pole, 2))
+    return _around(case, 1 / ((s - pole) * (s + decay)), gain * 2 * pole * decay)
 
 
 def _around_mirrored(
@@ -457,12 +453,7 @@ LITERAL = pose(
     misconceptions={
         "the model is the plant itself": lacking(
             "matched",
-            lambda case: NRDOB(
-                case.process,
-                case.process,
-                2 * case.pole * case.decay / case.gain,
-                LowPassFilter(0.1 / case.pole, 2),
-            ),
+            lambda case: _around(case, case.process, 2 * case.pole * case.decay / case.gain),
         ),
         "a loop that is stable": lacking(
             "stable", lambda case: _around_mirrored(case, 0.1 / case.pole)
@@ -519,15 +510,10 @@ def _not_held(case: DistantZero, got: Any) -> str:
         if verdict.stable is None:
             return AT_A_BORDER
         return Lack("controller", "the controller does not stabilise the model (condition i)")
-    shared = [
-        root
-        for root in verdict.observer_loop.roots
-        if root.real > 0 and any(abs(root - r) < 1e-6 * abs(r) for r in (case.pole, case.zero))
-    ]
-    if shared:
-        return Lack(
-            "shared", "the model shares an unstable root with the plant, which stays in the loop"
-        )
+    own = np.array([case.pole, case.zero])
+    if np.any(np.abs(np.subtract.outer(verdict.observer_loop.roots, own)) < 1e-6 * own):
+        words = "the model shares an unstable root with the plant, which stays in the loop"
+        return Lack("shared", words)
     if verdict.stable is None:
         return AT_A_BORDER
     if not right_half_plane_parity(got.process, got.model).holds:
@@ -542,17 +528,14 @@ def _not_held(case: DistantZero, got: Any) -> str:
     return Lack(kind, f"the filter is too {kind}, p_B has roots in the right half plane")
 
 
-def _with_shared_zero(case: DistantZero) -> NRDOB:
-    model = (1 - s / case.zero) * mirrored(case)
-    return NRDOB(case.process, model, 0, LowPassFilter(0.1 / case.pole, 2))
-
-
 UNTURNED = pose(
     "2.6",
     case=_distant_zero,
     lacks=_not_held,
     misconceptions={
-        "a root shared in the right half plane": lacking("shared", _with_shared_zero),
+        "a root shared in the right half plane": lacking(
+            "shared", lambda case: _around(case, (1 - s / case.zero) * mirrored(case), 0)
+        ),
         "the DC sign of the plant": lacking(
             "sign", lambda case: _around_mirrored(case, 0.1 / case.pole, sign=-1.0)
         ),

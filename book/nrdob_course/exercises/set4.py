@@ -70,7 +70,6 @@ class CardCase:
 
 
 def _edges(case: CardCase) -> list[float]:
-    """Give the four numbers, by the closed forms."""
     return [
         smallest_for_delay(case.delay, case.order),
         smallest_for_rhp_zero(case.zero, case.order),
@@ -246,7 +245,6 @@ def _orders_case(rng: np.random.Generator) -> OrdersCase:
 
 
 def _order_and_time(given: Any) -> LowPassFilter:
-    """Read an order and a time constant, or the filter that has them."""
     if isinstance(given, LowPassFilter):
         return given
     order, value = things(given, "two things are asked for, (order, time constant in seconds)")
@@ -408,7 +406,6 @@ def _good_for_all(case: PlantsCase, got: LowPassFilter) -> str:
 def _slowed(
     example: Callable[[PlantsCase], float], recognises: Callable[[PlantsCase, float], bool]
 ) -> Misconception:
-    """Make a misconception that leads to another λ."""
     return Misconception(
         lambda case: LowPassFilter(example(case), case.order),
         lambda case, got: got.order == case.order and recognises(case, got.time_constant),
@@ -559,7 +556,6 @@ class BetterCase:
 
 
 def _order(case: BetterCase) -> int:
-    """Give the relative degree of the model."""
     return as_fraction(case.model, "model").relative_degree
 
 
@@ -623,7 +619,6 @@ def _beats(case: BetterCase, got: Any) -> str:
 
 
 def _mistake(case: BetterCase, price: _Price) -> str:
-    """Tell by what a filter costs how it came about."""
     product, order = price.noise * price.error, _order(case)
     if not price.causal:
         return "too few"

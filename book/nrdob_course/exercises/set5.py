@@ -163,7 +163,6 @@ class FilterCase:
 
 @kept
 def _stable(case: FilterCase, time_constant: float) -> bool | None:
-    """Judge p_B with a filter."""
     return observer_stable(case.process, case.model, LowPassFilter(time_constant, case.order))
 
 
@@ -348,7 +347,6 @@ NEAR_EDGE = 1.12  # how well an edge can be read off a picture
 
 
 def _read_alike(expected: Edge, got: Edge) -> bool:
-    """Compare the time constants."""
     return near(expected[0], got[0], log(NEAR_EDGE))
 
 
@@ -400,7 +398,6 @@ def _model_and_order(given: Any) -> tuple[ct.TransferFunction, int]:
 
 
 def _not_refuting(case: UnstablePlant, got: tuple[ct.TransferFunction, int]) -> str:
-    """Tell what keeps a model and an order from refuting the advice."""
     model, order = got
     roots = np.concatenate([model.poles(), model.zeros()])
     if np.any(roots.real >= 0):
@@ -515,7 +512,6 @@ def _noise(loop: NRDOB) -> float:
 
 
 def _shortcoming(case: DesignCase, got: Any) -> str:
-    """Tell what a design lacks, with numbers."""
     if lack := not_around(case.process, got):
         return lack
     verdict = got.stability()

@@ -647,7 +647,6 @@ def _like(expected: list[float], got: FloatArray) -> bool:
 
 
 def _benched(case: BenchCase, got: FloatArray) -> dict[str, str]:
-    """Tell for each filter what its number lacks."""
     if got.size != len(case.filters):
         raise UnreadableError(f"{got.size} numbers for {len(case.filters)} filters")
 
@@ -719,7 +718,6 @@ def _of(loop: NRDOB) -> Blocks:
 
 
 def _with_good(times: float) -> Callable[[Project], Blocks]:
-    """Take a good λ so many times."""
     return lambda case: _of(loop_of(case, times * _good(case)))
 
 
