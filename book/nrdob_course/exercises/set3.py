@@ -44,8 +44,8 @@ class PeakCase:
         return f"Ms = {self.ms:g}"
 
 
-def _promised(case: PeakCase) -> MarginBounds:
-    return margin_bounds(case.ms)
+def _promised(case: PeakCase, **changed: float) -> MarginBounds:
+    return margin_bounds(case.ms)._replace(**changed)
 
 
 def _broken(case: PeakCase, got: FloatArray) -> dict[str, str]:
@@ -91,19 +91,17 @@ PROMISE = pose(
     parts=_broken,
     rounded=lambda case, got: rounds(_promised(case), got),
     misconceptions={
-        "angle in radians": lambda case: _promised(case)._replace(pm=radians(_promised(case).pm)),
-        "lower gain as the inverse of the upper": lambda case: _promised(case)._replace(
-            gm_low=1 / _promised(case).gm_high
+        "angle in radians": lambda case: _promised(case, pm=radians(_promised(case).pm)),
+        "lower gain as the inverse of the upper": lambda case: _promised(
+            case, gm_low=1 / _promised(case).gm_high
         ),
-        "Ms taken for a gain margin": lambda case: _promised(case)._replace(
-            gm_low=1 / case.ms, gm_high=case.ms
+        "Ms taken for a gain margin": lambda case: _promised(
+            case, gm_low=1 / case.ms, gm_high=case.ms
         ),
-        "distance taken for a change of gain": lambda case: _promised(case)._replace(
-            gm_low=1 - 1 / case.ms, gm_high=1 + 1 / case.ms
+        "distance taken for a change of gain": lambda case: _promised(
+            case, gm_low=1 - 1 / case.ms, gm_high=1 + 1 / case.ms
         ),
-        "chord taken for a sine": lambda case: _promised(case)._replace(
-            pm=degrees(asin(1 / case.ms))
-        ),
+        "chord taken for a sine": lambda case: _promised(case, pm=degrees(asin(1 / case.ms))),
         "gains in decibels": put_right(
             lambda case: [*(20 * np.log10(_promised(case)[:2])), _promised(case).pm], _as_factors
         ),
@@ -218,12 +216,10 @@ def _delay_lacks(case: MeasuredCase, margin: float) -> str:
     if not 0 < margin < inf:
         return "the delay margin of this loop is a positive number of seconds"
     # A dead time turns each point of the curve clockwise, by ω times it; stable until one is at -1.
-    reached = delays_of(case) <= margin * (1 - READ_OFF)
-    if reached.any():
-        return (
-            f"at a shorter dead time, {delays_of(case).min():.4g} s, the loop is already unstable"
-        )
-    if not np.any(delays_of(case) <= margin * (1 + READ_OFF)):
+    first = delays_of(case).min()
+    if first <= margin * (1 - READ_OFF):
+        return f"at a shorter dead time, {first:.4g} s, the loop is already unstable"
+    if first > margin * (1 + READ_OFF):
         return f"with a little more, {margin * (1 + READ_OFF):.4g} s, the loop is still stable"
     return ""
 
@@ -296,12 +292,11 @@ def noise_readings(case: NoiseCase) -> dict[str, float]:
     }
 
 
-def _told_apart(drawn: tuple[NoiseCase, NRDOB]) -> bool:
-    case, loop = drawn
-    return apart(*noise_readings(case).values(), by=0.25) and loop.stability().stable is True
-
-
-@fitting(_told_apart)
+@fitting(
+    lambda drawn: (
+        apart(*noise_readings(drawn[0]).values(), by=0.25) and drawn[1].stability().stable is True
+    )
+)
 def draw_noise_loop(rng: np.random.Generator) -> tuple[NoiseCase, NRDOB]:
     """Draw a loop, and what is drawn of it."""
     constant, gain, pole = draw(rng, 0.05, 0.5), draw(rng, 0.5, 5), draw(rng, 0.5, 3)
@@ -318,10 +313,8 @@ def _noise_lacks(case: NoiseCase, omega: float) -> str:
     if not omega > 0:
         return "a frequency in rad/s is asked for"
     worst = float(case.S_eta[case.omega >= 1.13 * omega].max(initial=0.0))
-    if worst * case.size >= 1:
-        return (
-            f"beyond it |S_η| is still {worst:.3g}, and |Δ S_η| may reach {worst * case.size:.3g}"
-        )
+    if (reached := worst * case.size) >= 1:
+        return f"beyond it |S_η| is still {worst:.3g}, and |Δ S_η| may reach {reached:.3g}"
     before = float(np.interp(omega / 1.13, case.omega, case.S_eta))
     if before * case.size < 1:
         return f"a little below it |Δ S_η| is at most {before * case.size:.3g}: go lower"

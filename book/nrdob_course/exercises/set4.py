@@ -11,6 +11,7 @@ from typing import Any, NamedTuple
 import control as ct
 import numpy as np
 from scipy.optimize import brentq
+from scipy.signal import butter
 
 from nrdob.design import (
     critical_time_constants,
@@ -101,7 +102,6 @@ EDGE = 1.01  # how near to an edge a number must be: a step of one per cent must
 
 
 def _off(case: CardCase, got: FloatArray) -> dict[str, str]:
-    """Tell of each number why it is no edge; empty if it is one."""
     return {name: _off_the_edge(case, k, float(got[k])) for k, name in enumerate(ERRORS)}
 
 
@@ -120,10 +120,9 @@ def _off_the_edge(case: CardCase, k: int, value: float) -> str:
         return "smaller λ are stable, too," if value else ""
     if value == 0:
         return "not every λ is stable"
+    plant, model = _plants(case)[k], ct.tf([1], [1, 1])
     above, below = (
-        observer_stable(
-            _plants(case)[k], ct.tf([1], [1, 1]), LowPassFilter(factor * value, case.order)
-        )
+        observer_stable(plant, model, LowPassFilter(factor * value, case.order))
         for factor in (EDGE, 1 / EDGE)
     )
     if above is not True:
@@ -181,7 +180,7 @@ class OrdersCase:
         """Draw Ms over the bandwidth of the filter, for three orders."""
         edges, fastest = edges_of(self), fastest_of(self)
         curves = []
-        for n, role, style in zip(ORDERS, ("filter", "process", "noise"), _STYLES, strict=True):
+        for n, role, style in ((2, "filter", "-"), (3, "process", "--"), (4, "noise", "-.")):
             bandwidth = np.linspace(0.04, 0.98, 150) * edges[n]
             peaks = [_peak(self, n, w) for w in bandwidth]
             curves.append(Peaks(f"n = {n}", bandwidth, peaks, edges[n], role, style))
@@ -194,30 +193,23 @@ class OrdersCase:
         return draw_peaks(curves, self.max_ms, 4.5, along, alt)
 
 
-_STYLES = ("-", "--", "-.")
-
-
 @kept
 def edges_of(case: OrdersCase) -> dict[int, float]:
     """Give the bandwidth in rad/s at which the loop becomes unstable, for each order."""
-    return {
-        n: LowPassFilter(
-            critical_time_constants(case.plant, case.model, n)[-1].time_constant, n
-        ).bandwidth
-        for n in ORDERS
-    }
+    last = {n: critical_time_constants(case.plant, case.model, n)[-1] for n in ORDERS}
+    return {n: LowPassFilter(edge.time_constant, n).bandwidth for n, edge in last.items()}
 
 
 @kept
-def _grid(case: OrdersCase) -> tuple[FloatArray, Any]:
-    omega = np.geomspace(2e-2, 2e2, 1200) * edges_of(case)[2]
-    return omega, case.plant(1j * omega) / case.model(1j * omega)
+def _grid(case: OrdersCase) -> tuple[ComplexArray, ComplexArray]:
+    s = 1j * np.geomspace(2e-2, 2e2, 1200) * edges_of(case)[2]
+    return s, case.plant(s) / case.model(s)
 
 
 def _peak(case: OrdersCase, order: int, bandwidth: float) -> float:
     """Compute Ms on a grid of frequencies; true only where the loop is stable."""
-    omega, R = _grid(case)
-    return grid_peak(_filter(order, bandwidth)(1j * omega), R)
+    s, R = _grid(case)
+    return grid_peak(_filter(order, bandwidth)(s), R)
 
 
 @kept
@@ -257,18 +249,12 @@ def _read_well(case: OrdersCase, F: LowPassFilter) -> str:
     ms = NRDOB(case.plant, case.model, 0.0, F).margins().plant_loop.ms
     if ms > case.max_ms * (1 + READING / 2):
         return f"its Ms is {ms:.3g}"
-    best = max(fastest_of(case).values())
-    if F.bandwidth < (1 - READING) * best:
+    if F.bandwidth < (1 - READING) * max(fastest_of(case).values()):
         return (
             f"its bandwidth is {F.bandwidth:.3g} rad/s, and more can be had; read again where the "
             "curves meet the line, or compute λ from the bandwidth again"
         )
     return ""
-
-
-def _read_alike(expected: tuple[int, float], got: LowPassFilter) -> bool:
-    order, value = expected
-    return got.order == order and near(value, got.time_constant, READING)
 
 
 def _times(bandwidths: dict[int, float], *orders: int) -> list[tuple[int, float]]:
@@ -277,7 +263,9 @@ def _times(bandwidths: dict[int, float], *orders: int) -> list[tuple[int, float]
 
 FASTEST_ORDER = pose(
     "4.2",
-    alike=_read_alike,
+    alike=lambda expected, got: (
+        got.order == expected[0] and near(expected[1], got.time_constant, READING)
+    ),
     case=_orders_case,
     reads=_order_and_time,
     lacks=_read_well,
@@ -609,11 +597,11 @@ def _beats(case: BetterCase, got: Any) -> str:
     elif price.speed > case.fastest * LEEWAY:
         words = f"its fastest pole is {price.speed:.4g} rad/s"
     else:
-        each = {"noise": (price.noise, case.noise), "error": (price.error, case.error)}
+        found = {name: getattr(price, name) for name in ("noise", "error")}
         words = " and ".join(
             f"the {name} is {value:.4g}"
-            for name, (value, limit) in each.items()
-            if value > limit * LEEWAY
+            for name, value in found.items()
+            if value > getattr(case, name) * LEEWAY
         )
     return words and Lack(_mistake(case, price), words)
 
@@ -645,9 +633,8 @@ def _slow(case: BetterCase) -> float:
 
 
 def _butterworth(case: BetterCase) -> ct.TransferFunction:
-    angles = pi * (2 * np.arange(_order(case)) + 1 + _order(case)) / (2 * _order(case))
-    den = np.real(np.poly(2 * _slow(case) * np.exp(1j * angles)))
-    return ct.tf([den[-1]], den)
+    num, den = butter(_order(case), 2 * _slow(case), analog=True)
+    return ct.tf(num, den)
 
 
 BETTER = pose(

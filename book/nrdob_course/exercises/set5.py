@@ -171,12 +171,7 @@ def borders_read(case: FilterCase) -> dict[str, float]:
     """Give the true border, and what one would take for it."""
     edges = critical_time_constants(case.process, case.model, case.order)
     late, rational = case.process.delay, case.process.tf
-    by_order = {
-        f"Padé {k}": stabilizing_time_constants(
-            ct.tf(*ct.pade(late, k)) * rational, case.model, case.order
-        )[-1][0]
-        for k in (1, 2)
-    }
+    fractions = {f"Padé {k}": ct.tf(*ct.pade(late, k)) * rational for k in (1, 2)}
     return {
         "true": edges[-1].time_constant,
         "first edge": edges[0].time_constant,
@@ -184,7 +179,10 @@ def borders_read(case: FilterCase) -> dict[str, float]:
         "frequency": edges[-1].frequency,
         "2θ/π": 2 * late / pi,
         "small gain": _small_gain(case),
-        **by_order,
+        **{
+            name: stabilizing_time_constants(plant, case.model, case.order)[-1][0]
+            for name, plant in fractions.items()
+        },
     }
 
 
@@ -229,8 +227,7 @@ def _late_case(rng: np.random.Generator) -> FilterCase:
 def _border_lacks(case: FilterCase, value: float) -> str:
     if not 0 < value < inf:
         return "a time constant is a positive number"
-    slower = (50.0, 5.0, 1.5, 1.001)
-    if not all(_stable(case, k * value) for k in slower):
+    if not all(_stable(case, k * value) for k in (50.0, 5.0, 1.5, 1.001)):
         return "there is a slower filter that does not stabilise the loop"
     if _stable(case, 0.999 * value) is not False:
         return "a slightly faster filter stabilises the loop, too"
@@ -346,17 +343,13 @@ def _edge_lacks(case: FilterCase, got: Edge) -> str:
 NEAR_EDGE = 1.12  # how well an edge can be read off a picture
 
 
-def _read_alike(expected: Edge, got: Edge) -> bool:
-    return near(expected[0], got[0], log(NEAR_EDGE))
-
-
 def _other_side(case: FilterCase) -> Edge:
     return edge_of(case)[0], "above" if side_of(case) == "below" else "below"
 
 
 EDGE = pose(
     "5.4",
-    alike=_read_alike,
+    alike=lambda expected, got: near(expected[0], got[0], log(NEAR_EDGE)),
     case=_edge_case,
     reads=_read_edge,
     lacks=_edge_lacks,
@@ -365,7 +358,7 @@ EDGE = pose(
         "the wrong side": Misconception(
             _other_side,
             lambda case, got: (
-                _read_alike(_other_side(case), got) and got[1] == _other_side(case)[1]
+                near(edge_of(case)[0], got[0], log(NEAR_EDGE)) and got[1] == _other_side(case)[1]
             ),
         ),
         "x taken for the time constant": lambda case: (
@@ -404,17 +397,13 @@ def _not_refuting(case: UnstablePlant, got: tuple[ct.TransferFunction, int]) -> 
         return Lack("right", "the model has an unstable pole or zero; the advice asks for neither")
     falls = as_fraction(model, "model", proper=False).relative_degree
     if falls <= 2:
-        return Lack(
-            "lags",
-            "the model must fall off faster than the plant: that is what over-parametrised is for",
-        )
+        words = "the model must fall off faster than the plant"
+        return Lack("lags", f"{words}: that is what over-parametrised is for")
     if order < falls:
         return Lack("order", "F/model is not causal with this order")
     if not right_half_plane_parity(case.process, model).holds:
-        return Lack(
-            "sign",
-            "the model has the wrong sign, so that no filter can work: that is not the advice",
-        )
+        words = "the model has the wrong sign, so that no filter can work: that is not the advice"
+        return Lack("sign", words)
     works = stabilizing_time_constants(case.process, model, order)
     small = works[0][0] / 2 if works else 0.01 / float(np.abs(roots).max())
     fast = (LowPassFilter(k * small, order) for k in (1.0, 0.1)) if small else ()
@@ -528,11 +517,9 @@ def _shortcoming(case: DesignCase, got: Any) -> str:
         return Lack("feared", "with the dead time the loop is not stable")
     found, noise = late.margins(), _noise(late)
     if not found.plant_loop.ms <= case.max_ms * (1 + 1e-6):
-        trusted = found.observer_loop.ms <= case.max_ms
-        return Lack(
-            "margin of FH" if trusted else "ms",
-            f"with the dead time Ms is {found.plant_loop.ms:.3g}{_calmer(late)}",
-        )
+        kind = "margin of FH" if found.observer_loop.ms <= case.max_ms else "ms"
+        words = f"with the dead time Ms is {found.plant_loop.ms:.3g}{_calmer(late)}"
+        return Lack(kind, words)
     if not noise <= case.max_noise * (1 + 1e-6):
         return Lack("noise", f"with the dead time |U_eta| reaches {noise:.3g}")
     if abs(late.T_R.dc_gain - 1) > 0.01:
@@ -557,10 +544,8 @@ def _calmer(late: NRDOB) -> str:
     F = late.filter
     if not isinstance(F, LowPassFilter):
         return ""
-    peaks = []
-    for factor in (0.9, 1.1):
-        other = replace(late, filter=LowPassFilter(factor * F.time_constant, F.order))
-        peaks.append(other.margins().plant_loop.ms)
+    filters = [LowPassFilter(factor * F.time_constant, F.order) for factor in (0.9, 1.1)]
+    peaks = [replace(late, filter=other).margins().plant_loop.ms for other in filters]
     best = np.nanargmin(peaks) if not np.isnan(peaks).all() else 1
     return f"; a {('faster', 'slower')[int(best)]} filter lowers it"
 
@@ -681,10 +666,8 @@ def _waiting_lacks(case: DelayedCase, got: float) -> str:
     if tolerated > case.error:
         words = "it is stable, but a faster filter would be, too: this one tolerates"
         return f"{words} {tolerated:.4g} s"
-    return (
-        f"there are dead times with which it is not stable: this filter tolerates an error of "
-        f"{tolerated:.4g} s, not of {case.error:g} s"
-    )
+    words = "there are dead times with which it is not stable: this filter tolerates an error of"
+    return f"{words} {tolerated:.4g} s, not of {case.error:g} s"
 
 
 WAITING = pose(

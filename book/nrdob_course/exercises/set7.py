@@ -136,12 +136,9 @@ Row = tuple[float, float, float]  # c0, c1 and a of ``w[k] = c0 y[k] + c1 y[k-1]
 def _row(case: DifferenceCase, dz: float, one: float) -> Row:
     """Put s = dz (z - 1)/(1 + one (z - 1)) into (Js + b)/(λs + 1), both over the factor of z."""
     J, b, value = case.inertia, case.friction, case.time_constant
-    lead = value * dz + one
-    return (
-        (J * dz + b * one) / lead,
-        (b * (1 - one) - J * dz) / lead,
-        (value * dz - (1 - one)) / lead,
-    )
+    row = J * dz + b * one, b * (1 - one) - J * dz, value * dz - (1 - one)
+    c0, c1, a = (coefficient / (value * dz + one) for coefficient in row)
+    return c0, c1, a
 
 
 def _tustin(case: DifferenceCase) -> Row:
@@ -182,13 +179,10 @@ def _difference_lacks(case: DifferenceCase, got: FloatArray) -> str:
         return ""
     rest = (c0 + c1) / (1 - a) if a != 1 else inf
     if not same(case.friction, rest):
-        return (
-            f"for a constant y this comes to rest at w = {rest:.4g} y, and F/Gm at "
-            f"{case.friction:g} y"
-        )
-    return (
-        "for a constant y it is right, but it is not Tustin's rule: put 2/h (z - 1)/(z + 1) for s"
-    )
+        words = f"for a constant y this comes to rest at w = {rest:.4g} y"
+        return f"{words}, and F/Gm at {case.friction:g} y"
+    words = "for a constant y it is right, but it is not Tustin's rule"
+    return f"{words}: put 2/h (z - 1)/(z + 1) for s"
 
 
 DIFFERENCE = pose(
@@ -276,12 +270,8 @@ def _program_case(settles: bool) -> Callable[[np.random.Generator], ProgramCase]
         C = (few(8 * inertia) * s + few(8 * friction)) / s
         late = few(value * (rng.uniform(0.1, 0.3) if settles else rng.uniform(1.0, 2.0)))
         own = few(inertia * rng.uniform(*((0.9, 1.3) if settles else (0.4, 0.7))))
-        drive = Drive(
-            OneMass(own),
-            Friction(draw(rng, 0.02, 0.1), viscous=friction),
-            Encoder(10_000),
-            Counting(),
-        )
+        held = Friction(draw(rng, 0.02, 0.1), viscous=friction)
+        drive = Drive(OneMass(own), held, Encoder(10_000), Counting())
         reference = few(rng.uniform(5, 30))
         limit = few(friction * reference * 3 + 0.5 + inertia * reference / 0.05)
         process = delay(late) * ct.tf([1], [own, friction])
@@ -309,8 +299,8 @@ def _yes_or_no(given: Any) -> bool:
     if isinstance(given, bool | np.bool_):
         return bool(given)
     words = {"true": True, "yes": True, "false": False, "no": False}
-    if isinstance(given, str) and given.strip().casefold() in words:
-        return words[given.strip().casefold()]
+    if isinstance(given, str) and (word := given.strip().casefold()) in words:
+        return words[word]
     value = number(given)
     if value not in (0, 1):
         raise UnreadableError(
@@ -416,13 +406,12 @@ REST_MISTAKES: dict[str, Callable[[RestCase], tuple[float, float]]] = {
 }
 
 
-def _tells_apart(case: RestCase) -> bool:
-    return all(loop.stability().stable for loop in (case.calm, case.keen)) and apart(
-        _rest(case), *(wrong(case) for wrong in REST_MISTAKES.values())
+@fitting(
+    lambda case: (
+        all(loop.stability().stable for loop in (case.calm, case.keen))
+        and apart(_rest(case), *(wrong(case) for wrong in REST_MISTAKES.values()))
     )
-
-
-@fitting(_tells_apart)
+)
 def _rest_case(rng: np.random.Generator) -> RestCase:
     inertia = draw(rng, 0.002, 0.02)
     friction = few(inertia * rng.uniform(5, 15))
@@ -493,12 +482,9 @@ class ShaftCase:
     @property
     def processes(self) -> tuple[ct.TransferFunction, ...]:
         """From torque to speed of the motor, with half the load, with the load, and with twice."""
-        return tuple(
-            TwoMasses(self.motor, share * self.load, self.stiffness, self.damping).speed(
-                self.friction
-            )
-            for share in LOADS
-        )
+        shaft = self.stiffness, self.damping
+        masses = (TwoMasses(self.motor, share * self.load, *shaft) for share in LOADS)
+        return tuple(each.speed(self.friction) for each in masses)
 
     @property
     def process(self) -> ct.TransferFunction:
@@ -548,11 +534,8 @@ def _shaft_shortcoming(case: ShaftCase, got: Any) -> str:
     for share, loop in zip(LOADS, loops, strict=True):
         verdict = loop.stability()
         if verdict.stable is not True:
-            fast = verdict.model_loop.stable is True
-            return Lack(
-                "unstable" if fast else "model loop",
-                f"with {share:g} times the load the sampled loop is not stable",
-            )
+            kind = "unstable" if verdict.model_loop.stable is True else "model loop"
+            return Lack(kind, f"with {share:g} times the load the sampled loop is not stable")
         if (peak := _peak(loop)) > case.max_ms * 1.001:
             return Lack("ms", f"with {share:g} times the load Ms is {peak:.3g}")
     usual = loops[LOADS.index(1.0)]
@@ -577,14 +560,15 @@ SHAFT_MISTAKES: dict[str, tuple[str, Callable[[ShaftCase], NRDOB]]] = {
 """What each of them lacks, and what it designs."""
 
 
-def _shaft_tells_apart(case: ShaftCase) -> bool:
-    return not _shaft_shortcoming(case, _shaft_design(case, 4.0)) and all(
-        getattr(_shaft_shortcoming(case, design(case)), "kind", "") == kind
-        for kind, design in SHAFT_MISTAKES.values()
+@fitting(
+    lambda case: (
+        not _shaft_shortcoming(case, _shaft_design(case, 4.0))
+        and all(
+            getattr(_shaft_shortcoming(case, design(case)), "kind", "") == kind
+            for kind, design in SHAFT_MISTAKES.values()
+        )
     )
-
-
-@fitting(_shaft_tells_apart)
+)
 def _shaft_case(rng: np.random.Generator) -> ShaftCase:
     dt = float(rng.choice([0.0005, 0.001, 0.002]))
     motor = draw(rng, 0.0005, 0.005)
