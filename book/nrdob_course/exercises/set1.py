@@ -37,14 +37,11 @@ def _gain_error(rng: np.random.Generator) -> float:
 
 @dataclass(frozen=True, eq=False)
 class SettledCase:
-    """Gains at s = 0 of a stable loop with F(0) = 1.
+    """Gains at s = 0 of a stable loop with F(0) = 1."""
 
-    `G`, `Gm`, `C`: of the plant, the model and the controller.
-    """
-
-    G: float
-    Gm: float
-    C: float
+    G: float  # of the plant
+    Gm: float  # of the model
+    C: float  # of the controller
 
     def __repr__(self) -> str:
         return f"G(0) = {self.G:g}, Gm(0) = {self.Gm:g}, C(0) = {self.C:g}"
@@ -148,18 +145,14 @@ SETTLED = pose(
 
 @dataclass(frozen=True, eq=False)
 class PolynomialCase:
-    """Polynomials of a loop, coefficients in descending powers of s.
+    """Polynomials of a loop, coefficients in descending powers of s."""
 
-    `N`, `D`, `Nm`, `Dm`: Plant N/D and model Nm/Dm; `time_constant`: λ of the filter, in seconds;
-    `order`: n of the filter.
-    """
-
-    N: FloatArray
+    N: FloatArray  # plant N/D
     D: FloatArray
-    Nm: FloatArray
+    Nm: FloatArray  # model Nm/Dm
     Dm: FloatArray
-    time_constant: float
-    order: int
+    time_constant: float  # λ of the filter, in seconds
+    order: int  # n of the filter
 
     def __repr__(self) -> str:
         names = ("N", "D", "Nm", "Dm")
@@ -266,17 +259,13 @@ POLYNOMIAL = pose(
 
 @dataclass(frozen=True, eq=False)
 class SensitivityCase:
-    """A loop whose |S_d| was measured: `case.plot()` draws it.
+    """A loop whose |S_d| was measured: `case.plot()` draws it."""
 
-    `model_gain`: Gm(0); `time_constant`: λ of the filter, in seconds; `order`: n of the filter;
-    `omega`, `S_d`: the points of the curve: frequencies in rad/s, and |S_d| there.
-    """
-
-    model_gain: float
-    time_constant: float
-    order: int
-    omega: FloatArray = field(repr=False)
-    S_d: FloatArray = field(repr=False)
+    model_gain: float  # Gm(0)
+    time_constant: float  # λ of the filter, in seconds
+    order: int  # n of the filter
+    omega: FloatArray = field(repr=False)  # points of the curve, in rad/s
+    S_d: FloatArray = field(repr=False)  # |S_d| there
 
     def __repr__(self) -> str:
         return f"Gm(0) = {self.model_gain:g}, λ = {self.time_constant:g} s, n = {self.order}"
@@ -484,17 +473,12 @@ TWIN = pose(
 
 @dataclass(frozen=True, eq=False)
 class WishCase:
-    """What a filter should do, for a plant that its model describes.
+    """What a filter should do, for a plant that its model describes."""
 
-    `plant`: the plant, which is its own model; `omega_d`: up to this frequency (rad/s) disturbances
-    at the output are to be reduced to a tenth; `omega_hum`: frequency (rad/s) of a hum in the
-    sensor; `hum`: how much of the hum may reach y.
-    """
-
-    plant: ct.TransferFunction
-    omega_d: float
-    omega_hum: float
-    hum: float
+    plant: ct.TransferFunction  # and its own model
+    omega_d: float  # up to here (rad/s) disturbances at the output are to be a tenth
+    omega_hum: float  # of a hum in the sensor, in rad/s
+    hum: float  # how much of the hum may reach y
 
     @property
     def relative_degree(self) -> int:

@@ -41,17 +41,13 @@ __all__ = ["CLOSING", "LITERAL", "READING", "TURNS", "UNTURNED"]
 
 @dataclass(frozen=True, eq=False)
 class RootsCase:
-    """A loop, taken apart into roots.
+    """A loop, taken apart into roots."""
 
-    `plant_zeros`, `plant_poles`, `model_zeros`, `model_poles`: of G and of the model, before
-    anything cancels; `closed_loop_roots`: Roots of p_B.
-    """
-
-    plant_zeros: ComplexArray
+    plant_zeros: ComplexArray  # of G and of the model, before anything cancels
     plant_poles: ComplexArray
     model_zeros: ComplexArray
     model_poles: ComplexArray
-    closed_loop_roots: ComplexArray
+    closed_loop_roots: ComplexArray  # of p_B
 
     def __repr__(self) -> str:
         names = "plant_zeros", "plant_poles", "model_zeros", "model_poles", "closed_loop_roots"
@@ -242,17 +238,12 @@ READING = pose(
 
 @dataclass(frozen=True, eq=False)
 class HalfCurve:
-    """What is known of a function H: its values, and how it behaves at both ends.
+    """What is known of a function H: its values, and how it behaves at both ends."""
 
-    `omega`: frequencies in rad/s, growing, densely from far below all corner frequencies to far
-    above; `values`: H at j omega; `poles_at_zero`: how many poles H has at s = 0; `excess`: by how
-    much the degree of its numerator exceeds that of its denominator.
-    """
-
-    omega: FloatArray = field(repr=False)
-    values: ComplexArray = field(repr=False)
-    poles_at_zero: int
-    excess: int
+    omega: FloatArray = field(repr=False)  # in rad/s, from far below all corners to far above
+    values: ComplexArray = field(repr=False)  # H at j omega
+    poles_at_zero: int  # of H, at s = 0
+    excess: int  # degree of the numerator, less that of the denominator
 
     def __repr__(self) -> str:
         return (
@@ -475,13 +466,9 @@ LITERAL = pose(
 
 @dataclass(frozen=True, eq=False, repr=False)
 class DistantZero(UnstablePlant):
-    """A plant gain (1 - s/zero)/((s - pole)(s + decay)).
+    """A plant gain (1 - s/zero)/((s - pole)(s + decay))."""
 
-    `gain`, `pole`, `decay`, `zero`: the gain of either sign; the others positive, in rad/s. The
-    zero is far beyond the pole.
-    """
-
-    zero: float
+    zero: float  # positive, in rad/s, far beyond the pole
 
     @property
     def process(self) -> ct.TransferFunction:

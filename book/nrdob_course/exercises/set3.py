@@ -33,12 +33,9 @@ __all__ = ["DELAY_MARGIN", "DESIGN", "GAIN", "NOISE_MAP", "PROMISE"]
 
 @dataclass(frozen=True, eq=False)
 class PeakCase:
-    """A loop of which only the peak of the sensitivity is known.
+    """A loop of which only the peak of the sensitivity is known."""
 
-    `ms`: M_s, the maximum of |S_d|.
-    """
-
-    ms: float
+    ms: float  # the maximum of |S_d|
 
     def __repr__(self) -> str:
         return f"Ms = {self.ms:g}"
@@ -117,13 +114,10 @@ PROMISE = pose(
 
 @dataclass(frozen=True, eq=False)
 class MeasuredCase:
-    """The frequency response of a plant loop, measured; the loop is stable.
+    """The frequency response of a plant loop, measured; the loop is stable."""
 
-    `omega`: frequencies, rad/s, ascending; `L`: L(jω) at these frequencies.
-    """
-
-    omega: FloatArray
-    L: ComplexArray
+    omega: FloatArray  # in rad/s, ascending
+    L: ComplexArray  # L(jω) at these frequencies
 
     def __repr__(self) -> str:
         low, high = self.omega[[0, -1]]
@@ -252,15 +246,11 @@ DELAY_MARGIN = pose(
 
 @dataclass(frozen=True, eq=False)
 class NoiseCase:
-    """A loop whose maps are drawn, `case.plot()`, and how wrong its plant may be.
+    """A loop whose maps are drawn, `case.plot()`, and how wrong its plant may be."""
 
-    `size`: bound of the plant's relative error |Δ| beyond the frequency asked for; `omega`, `S_d`,
-    `S_eta`, `F`: the points of the curves: frequencies in rad/s, and the three gains there.
-    """
-
-    size: float
-    omega: FloatArray = field(repr=False)
-    S_d: FloatArray = field(repr=False)
+    size: float  # bound of the plant's relative error |Δ| beyond the frequency asked for
+    omega: FloatArray = field(repr=False)  # points of the curves, in rad/s
+    S_d: FloatArray = field(repr=False)  # three gains there
     S_eta: FloatArray = field(repr=False)
     F: FloatArray = field(repr=False)
 
@@ -428,20 +418,15 @@ GAIN = pose(
 
 @dataclass(frozen=True, eq=False)
 class MarginCase:
-    """A plant, its model, and what the loop should be able to do.
+    """A plant, its model, and what the loop should be able to do."""
 
-    `plant`, `model`, `controller`: blocks of the loop; `ms`: M_s of the plant loop may not be
-    larger; `delay_margin`: in seconds; may not be smaller; `rejection`: |S_d|
-    at the frequency `omega`, in rad/s, may not be larger than this.
-    """
-
-    plant: ct.TransferFunction
+    plant: ct.TransferFunction  # blocks of the loop
     model: ct.TransferFunction
     controller: ct.TransferFunction
-    ms: float
-    delay_margin: float
-    omega: float
-    rejection: float
+    ms: float  # M_s of the plant loop may not be larger
+    delay_margin: float  # may not be smaller, in seconds
+    omega: float  # in rad/s
+    rejection: float  # |S_d| may not be larger there
 
     def loop(self, filter: Any) -> NRDOB:
         """Make the loop with a filter."""

@@ -50,18 +50,13 @@ __all__ = ["BETTER", "CARD", "FASTEST_ORDER", "SLOW_FILTER", "THREE_PLANTS"]
 
 @dataclass(frozen=True, eq=False)
 class CardCase:
-    """Four errors of a model, each by itself, and the order of the filter.
+    """Four errors of a model, each by itself, and the order of the filter."""
 
-    `delay`: a dead time in seconds; `zero`: a zero at s = zero, in rad/s; `lag`: a lag 1/(lag s +
-    1), in seconds; `double_lag`: a factor 1/(double_lag s + 1)^2, in seconds; `order`: order of the
-    filter.
-    """
-
-    delay: float
-    zero: float
-    lag: float
-    double_lag: float
-    order: int
+    delay: float  # a dead time, in seconds
+    zero: float  # a zero at s = zero, in rad/s
+    lag: float  # 1/(lag s + 1), in seconds
+    double_lag: float  # 1/(double_lag s + 1)^2, in seconds
+    order: int  # of the filter
 
     def __repr__(self) -> str:
         return (
@@ -285,16 +280,12 @@ FASTER = 1.05  # by how much a filter may be slower than needed
 
 @dataclass(frozen=True, eq=False)
 class PlantsCase:
-    """A plant as it is and as it may become, and what is asked of the filter.
+    """A plant as it is and as it may become, and what is asked of the filter."""
 
-    `plants`: the first is the plant as it is today; `order`: order of the filter; `max_ms`: limit
-    for Ms, with each of the plants.
-    """
-
-    plants: list[ct.TransferFunction]
+    plants: list[ct.TransferFunction]  # the first is the plant as it is today
     model: ct.TransferFunction
-    order: int
-    max_ms: float
+    order: int  # of the filter
+    max_ms: float  # limit for Ms, with each of the plants
 
     def __repr__(self) -> str:
         each = ", ".join(f"{gain:.3g}(1 − s/{zero:.3g})" for gain, zero in _errors(self))
@@ -444,13 +435,10 @@ SLOW = (1e2, 1e3, 1e4)
 
 @dataclass(frozen=True, eq=False)
 class SlowCase:
-    """A stable model without zeros in the right half plane, and the order of the filter.
-
-    `order`: 3 or more.
-    """
+    """A stable model without zeros in the right half plane, and the order of the filter."""
 
     model: ct.TransferFunction
-    order: int
+    order: int  # 3 or more
 
     def __repr__(self) -> str:
         return f"{factored(self.model)}, n = {self.order}"
@@ -524,17 +512,12 @@ SLOW_FILTER = pose(
 
 @dataclass(frozen=True, eq=False)
 class BetterCase:
-    """A model that is right, and what a filter should do.
+    """A model that is right, and what a filter should do."""
 
-    `model`: the model, which is the plant; `noise`: limit for the power of white noise at y, in
-    1/s; `error`: limit for the integral of the squared error after a unit step of d, in seconds;
-    `fastest`: no pole of the filter may be faster than this, in rad/s.
-    """
-
-    model: ct.TransferFunction
-    noise: float
-    error: float
-    fastest: float
+    model: ct.TransferFunction  # and the plant
+    noise: float  # limit for the power of white noise at y, in 1/s
+    error: float  # limit for the integral of the squared error after a unit step of d, in s
+    fastest: float  # limit for the poles of the filter, in rad/s
 
     def __repr__(self) -> str:
         return (

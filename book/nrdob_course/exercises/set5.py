@@ -48,13 +48,9 @@ class Pair(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class SignCase:
-    """Five pairs.
+    """Five pairs."""
 
-    `pairs`: Each has a `process` and a `model`, both transfer functions; the model is stable and
-    has a positive DC gain.
-    """
-
-    pairs: tuple[Pair, ...]
+    pairs: tuple[Pair, ...]  # the models are stable, with positive DC gains
 
     def __repr__(self) -> str:
         return f"the five pairs of which the first is {self.pairs[0]}"
@@ -148,12 +144,9 @@ SIGN = pose(
 
 @dataclass(frozen=True, eq=False)
 class FilterCase:
-    """A plant, a model and the order of the filter.
+    """A plant, a model and the order of the filter."""
 
-    `process`: the plant; a dead time is `process.delay`, in seconds.
-    """
-
-    process: Any
+    process: Any  # a dead time is process.delay, in seconds
     model: ct.TransferFunction
     order: int
 
@@ -439,19 +432,14 @@ ADVICE = pose(
 
 @dataclass(frozen=True, eq=False)
 class DesignCase:
-    """A plant gain/((s - pole)(s/decay + 1)), with a dead time that may come on top.
+    """A plant gain/((s - pole)(s/decay + 1)), with a dead time that may come on top."""
 
-    `gain`, `pole`, `decay`: all positive; `pole` and `decay` in rad/s; `dead_time`: in seconds;
-    `max_ms`, `max_noise`: largest sensitivity peak, and largest ``|U_eta|``, allowed with the dead
-    time.
-    """
-
-    gain: float
-    pole: float
+    gain: float  # positive, as pole and decay are
+    pole: float  # this and decay in rad/s
     decay: float
-    dead_time: float
-    max_ms: float = inf
-    max_noise: float = inf
+    dead_time: float  # in seconds
+    max_ms: float = inf  # allowed with the dead time
+    max_noise: float = inf  # largest |U_eta| allowed with the dead time
 
     @property
     def process(self) -> ct.TransferFunction:
@@ -575,17 +563,12 @@ DESIGN = pose(
 
 @dataclass(frozen=True, eq=False)
 class DelayedCase:
-    """A plant whose model has nearly the right dead time.
+    """A plant whose model has nearly the right dead time."""
 
-    `prompt`: What stands before the dead time, in the plant and in the model; `dead_time`: that of
-    the model today, in seconds; `error`: by how much that of the plant may be another one, in
-    seconds, up or down; `order`: order of the filter.
-    """
-
-    prompt: ct.TransferFunction
-    dead_time: float
-    error: float
-    order: int
+    prompt: ct.TransferFunction  # what stands before the dead time, in the plant and in the model
+    dead_time: float  # of the model today, in seconds
+    error: float  # by how much the plant's may be another one, in seconds, up or down
+    order: int  # of the filter
 
     def __repr__(self) -> str:
         late = delay(self.dead_time) * self.prompt

@@ -35,17 +35,13 @@ __all__ = ["BENCH", "DESIGN", "EQUAL_REJECTION", "ONE_PLANT", "QUIETEST"]
 
 @dataclass(frozen=True, eq=False)
 class RejectionCase:
-    """A loop for an unstable plant, and another model and order for the same plant.
-
-    `filter`: the filter that goes with `model`; `other`: another model; `order`: order of the
-    filter that is to go with it.
-    """
+    """A loop for an unstable plant, and another model and order for the same plant."""
 
     plant: ct.TransferFunction
     model: ct.TransferFunction
-    filter: LowPassFilter
-    other: ct.TransferFunction
-    order: int
+    filter: LowPassFilter  # goes with model
+    other: ct.TransferFunction  # another model
+    order: int  # of the filter that is to go with it
 
     def __repr__(self) -> str:
         return (
@@ -122,14 +118,11 @@ ORDER = 3  # relative degree of the model and one more, so that noise reaches u 
 
 
 class Goal(NamedTuple):
-    """One line of the specification.
-
-    `value`, `limit`: What the design makes of it, and what it may be at most.
-    """
+    """One line of the specification."""
 
     name: str
-    value: float
-    limit: float
+    value: float  # what the design makes of it
+    limit: float  # what it may be at most
 
     @property
     def met(self) -> bool:
@@ -139,31 +132,21 @@ class Goal(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Project:
-    """A plant with an unstable pole, and what is asked of its loop.
+    """A plant with an unstable pole, and what is asked of its loop."""
 
-    `plant`: gain · pole · decay/((s - pole)(s + decay)); `gain`, `pole`, `decay`: its numbers; pole
-    and decay in rad/s; `modified`: the plant with a lag that was neglected, another pole and
-    another gain; `gains`: what the plant's gain may be multiplied by; `dead_time`: what may
-    be added to each of them, in seconds; `max_ms`: limit for Ms; `omega`,
-    `max_disturbance`: a frequency in rad/s, and the limit for |S_d| there; `settling`: after this
-    time, in seconds, y stays within 5 % of a step of R; `max_noise`: limit for the rms value of u,
-    if white noise of unit density is at the sensor. On the bench, see `on_bench`: `dt`: the
-    sampling time, in seconds; `max_input`: the largest input that the actuator gives.
-    """
-
-    plant: ct.TransferFunction
+    plant: ct.TransferFunction  # gain · pole · decay/((s - pole)(s + decay))
     gain: float
-    pole: float
+    pole: float  # this and decay in rad/s
     decay: float
-    modified: ct.TransferFunction
-    gains: tuple[float, ...]
-    dead_time: float
+    modified: ct.TransferFunction  # with a lag that was neglected, another pole and another gain
+    gains: tuple[float, ...]  # what the plant's gain may be multiplied by
+    dead_time: float  # what may be added to each of them, in seconds
     max_ms: float = inf
-    omega: float = nan
-    max_disturbance: float = inf
-    settling: float = inf
-    max_noise: float = inf
-    max_input: float = 0.9
+    omega: float = nan  # in rad/s
+    max_disturbance: float = inf  # limit for |S_d| there
+    settling: float = inf  # after this, in seconds, y stays within 5 % of a step of R
+    max_noise: float = inf  # limit for the rms of u, for white noise of unit density at the sensor
+    max_input: float = 0.9  # the largest that the actuator gives on the bench, see on_bench
 
     @property
     def dt(self) -> float:
@@ -303,15 +286,12 @@ def rms(transfer: Quotient) -> float:
 
 @dataclass(frozen=True, eq=False)
 class QuietCase:
-    """A plant, a plant that it may become, and a model: `case.plot()` draws Ms over λ for both.
-
-    `max_ms`: the red line.
-    """
+    """A plant, a plant that it may become, and a model: `case.plot()` draws Ms over λ for both."""
 
     plant: ct.TransferFunction
-    modified: ct.TransferFunction
+    modified: ct.TransferFunction  # what the plant may become
     model: ct.TransferFunction
-    max_ms: float
+    max_ms: float  # the red line
 
     def __repr__(self) -> str:
         return f"plant {factored(self.plant)}"
@@ -458,15 +438,11 @@ QUIETEST = pose(
 
 @dataclass(frozen=True, eq=False)
 class SurvivalCase:
-    """A loop that is stable with its plant and with a modified one.
+    """A loop that is stable with its plant and with a modified one."""
 
-    `loop`: the loop with the nominal plant; `gain`, `lag`: the modified plant has this
-    gain, as a factor below 1, and a lag 1/(lag s + 1) besides, in seconds.
-    """
-
-    loop: NRDOB
-    gain: float
-    lag: float
+    loop: NRDOB  # with the nominal plant
+    gain: float  # of the modified plant, as a factor below 1
+    lag: float  # of the modified plant, 1/(lag s + 1), in seconds
 
     def __repr__(self) -> str:
         return (
@@ -562,14 +538,11 @@ ONE_PLANT = pose(
 
 @dataclass(frozen=True, eq=False)
 class BenchCase:
-    """Three filters to be tried on several plants.
-
-    `plants`: the first is the plant as it is.
-    """
+    """Three filters to be tried on several plants."""
 
     model: ct.TransferFunction
     controller: ct.TransferFunction
-    plants: list[ct.TransferFunction]
+    plants: list[ct.TransferFunction]  # the first is the plant as it is
     filters: list[LowPassFilter]
 
     def __repr__(self) -> str:

@@ -34,17 +34,13 @@ COUNTS = (500, 1000, 1024, 2000, 2048, 4000, 4096, 10_000)
 
 @dataclass(frozen=True, eq=False)
 class CountingCase:
-    """A speed made of counts, and the observer that receives it.
+    """A speed made of counts, and the observer that receives it."""
 
-    `counts`: of the encoder in one turn; `dt`: sampling time in s; `inertia`: of the model, in
-    kg m²; `time_constant`: λ in s; `ripple`: largest jump of the torque, in N m.
-    """
-
-    counts: int
-    dt: float
-    inertia: float
-    time_constant: float
-    ripple: float
+    counts: int  # of the encoder in one turn
+    dt: float  # sampling time, in s
+    inertia: float  # of the model, in kg m²
+    time_constant: float  # λ, in s
+    ripple: float  # largest jump of the torque, in N m
 
     def __repr__(self) -> str:
         return (
@@ -113,15 +109,12 @@ COUNTING = pose(
 
 @dataclass(frozen=True, eq=False)
 class DifferenceCase:
-    """The block F/Gm with F = 1/(λs + 1) and Gm = 1/(Js + b), and a sampling time.
+    """The block F/Gm with F = 1/(λs + 1) and Gm = 1/(Js + b), and a sampling time."""
 
-    `inertia`: J in kg m²; `friction`: b in N m s; `time_constant`: λ in s; `dt`: h in s.
-    """
-
-    inertia: float
-    friction: float
-    time_constant: float
-    dt: float
+    inertia: float  # J, in kg m²
+    friction: float  # b, in N m s
+    time_constant: float  # λ, in s
+    dt: float  # h, in s
 
     def __repr__(self) -> str:
         return (
@@ -200,21 +193,15 @@ DIFFERENCE = pose(
 
 @dataclass(frozen=True, eq=False)
 class ProgramCase:
-    """A generated controller, and the drive that it is to run.
+    """A generated controller, and the drive that it is to run."""
 
-    `program`: text of a Python class `Speed`, and `module`: what it defines; `drive`: a
-    `nrdob.drives.Drive`; `delay`: from a command to its torque, in s; `dt`: sampling time in s;
-    `reference`: speed in rad/s; `limit`: largest torque in N m; `time`: how long the test lasts, in
-    s.
-    """
-
-    program: str
+    program: str  # text of a Python class Speed
     drive: Drive
-    delay: float
-    dt: float
-    reference: float
-    limit: float
-    time: float
+    delay: float  # from a command to its torque, in s
+    dt: float  # sampling time, in s
+    reference: float  # speed, in rad/s
+    limit: float  # largest torque, in N m
+    time: float  # how long the test lasts, in s
 
     @property
     def module(self) -> dict[str, Any]:
@@ -347,16 +334,12 @@ PROGRAM = pose(
 
 @dataclass(frozen=True, eq=False)
 class RestCase:
-    """A motor with friction, and two position loops around the same model.
+    """A motor with friction, and two position loops around the same model."""
 
-    `calm` and `keen`: NRDOB, 1 - F with one zero at s = 0 and with two; `friction`: what holds the
-    motor; `error`: where it stands in the second loop, in rad beside the reference.
-    """
-
-    calm: NRDOB
-    keen: NRDOB
-    friction: Friction
-    error: float
+    calm: NRDOB  # 1 - F with one zero at s = 0
+    keen: NRDOB  # 1 - F with two
+    friction: Friction  # what holds the motor
+    error: float  # where it stands in the second loop, in rad beside the reference
 
     def __repr__(self) -> str:
         J, b = self.calm.fractions.Gm.den[:2] / self.calm.fractions.Gm.num[-1]
@@ -462,22 +445,16 @@ LOADS = (0.5, 1.0, 2.0)  # inertia of the load, as a share of the usual one
 
 @dataclass(frozen=True, eq=False)
 class ShaftCase:
-    """A motor that turns one of three loads through a shaft.
+    """A motor that turns one of three loads through a shaft."""
 
-    `motor`, `load`: inertias in kg m²; `stiffness`, `damping` of the shaft, in N m/rad and N m s;
-    `friction` of the motor, in N m s; `dt`: sampling time in s, and that of the computation;
-    `max_ms`: largest sensitivity peak; `max_sag`: how far the speed of the motor may fall, in
-    rad/s, after a step of 1 N m on the motor's side of the shaft.
-    """
-
-    motor: float
+    motor: float  # inertias, in kg m²
     load: float
-    stiffness: float
-    damping: float
-    friction: float
-    dt: float
+    stiffness: float  # of the shaft, in N m/rad
+    damping: float  # of the shaft, in N m s
+    friction: float  # of the motor, in N m s
+    dt: float  # sampling time, and that of the computation, in s
     max_ms: float = 1.7
-    max_sag: float = 0.0
+    max_sag: float = 0.0  # how far its speed may fall, in rad/s, after a step of 1 N m on its side
 
     @property
     def processes(self) -> tuple[ct.TransferFunction, ...]:
