@@ -1,17 +1,7 @@
 """Give out the problem sets, and grade what comes back.
 
-    python -m nrdob_course.grading release             student copies and solutions
-    python -m nrdob_course.grading grade FOLDER        grade what students handed in
-    python -m nrdob_course.grading report [TABLE …]    after marks were written by hand
-    python -m nrdob_course.grading regrade             judge some of it anew
-    python -m nrdob_course.grading override            change the points of one answer
-
-FOLDER holds a folder for each student with the notebook in it, ``FOLDER/anna/set2.ipynb``, or is
-what Moodle or Canvas exports, zipped or not. The result is a course in nbgrader's layout:
-``grades.csv`` and ``course.csv``, the feedback of each student and the archives in which Moodle and
-Canvas take it, ``written.csv`` and ``marking.html`` for the answers to be marked by hand,
-``class.html``, ``similar.csv``, and nbgrader's gradebook. What was changed later stands in
-``changes.csv``. Roster, deadlines and the rule for late ones stand in ``course.toml``.
+The result is a course in nbgrader's layout, with tables and pages of ours: see
+``book/teaching/running.md``, and ``python -m nrdob_course.grading --help``.
 """
 
 from __future__ import annotations
