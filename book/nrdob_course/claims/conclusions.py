@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from itertools import product
 
 import numpy as np
 
@@ -39,22 +40,16 @@ def _designs_exist() -> Finding:
 def _not_matching() -> Finding:
     filters = [LowPassFilter(lam, n) for n in (2, 3, 4) for lam in (0.01, 0.1, 1.0)]
     plants = [example(which).process for which in (2, 3)]
-    matched = [
-        NRDOB(plant, plant, 0.1, each).stability().observer_loop.stable
-        for plant in plants
-        for each in filters
-    ]
+    matched = [NRDOB(plant, plant, 0.1, F) for plant, F in product(plants, filters)]
     D, delay = [1.0, 4.0, 4.0], example(4).delay  # and the numerators of Example 4 are 1
     delayed = [
         (QuasiPolynomial(np.polymul(D, each.den), np.polysub(Dm, D), delay), each)
-        for Dm in (D, [1.0, 4.0, 3.75])
-        for each in filters
+        for Dm, each in product((D, [1.0, 4.0, 3.75]), filters)
     ]
     late = [judge("", [QuasiPolynomial(each.den)], p).stable for p, each in delayed]
     made = [
         NRDOB(plant, plant, 0.1, interpolating_filter(plant, lam))
-        for plant in plants
-        for lam in (0.01, 0.1, 1.0)
+        for plant, lam in product(plants, (0.01, 0.1, 1.0))
     ]
     as_one = [loop.stability().observer_loop.stable is True for loop in made]
     lost = [_lost_to_a_wrong_delay(times * 0.001) for times in (3.0, 3.1)]
@@ -63,7 +58,7 @@ def _not_matching() -> Finding:
         p.delay == 0 and np.allclose(p.q, np.polymul(D, each.den))
         for p, each in delayed[: len(filters)]
     )
-    fails = [verdict is False for verdict in matched]
+    fails = [loop.stability().observer_loop.stable is False for loop in matched]
     works = [verdict is True for verdict in late]
     return Finding(
         every(fails) and not any(works),

@@ -43,20 +43,16 @@ PLANT = ([4], [-1, -1, 2])
 @SECTION.check("ex3.matched_fails")
 def _matched_fails() -> Finding:
     filters = [LowPassFilter(lam, n) for n in (2, 3, 4) for lam in (0.001, 0.03, 0.3, 3.0, 100.0)]
-    exact = all(
-        same(NRDOB(PLANT, PLANT, -2, F).p_B.q, np.polymul(np.polymul(*PLANT), F.den), 1e-12)
-        for F in filters
-    )
-    models = [
-        ([gain], -np.poly([pole, stable]))
-        for gain, pole, stable in product([3.6, 4.4], [0.8, 1.1], [-1.9, -2.1])
-    ]
+    ND = np.polymul(*PLANT)
+    exact = [same(NRDOB(PLANT, PLANT, -2, F).p_B.q, np.polymul(ND, F.den), 1e-12) for F in filters]
+    others = product([3.6, 4.4], [0.8, 1.1], [-1.9, -2.1])
+    models = [([gain], -np.poly([pole, stable])) for gain, pole, stable in others]
     loops = [NRDOB(PLANT, model, -2, each) for model in (PLANT, *models) for each in filters]
     signs = all(loop.p_B.q[0] * loop.p_B.q[-1] < 0 for loop in loops)
     counts = [_unstable_roots(loop) or 0 for loop in loops]
     odd = [count % 2 == 1 for count in counts]
     return Finding(
-        exact and signs and every(odd),
+        every(exact) and signs and every(odd),
         f"an odd number of roots in the right half plane, {number(min(counts))} or more, in "
         f"{counted(odd)} loops",
     )
@@ -75,10 +71,8 @@ def _negative_gain() -> Finding:
         for gain in (0.1, 1.0, 30.0)
         for lam in (0.001, 0.03, 0.3, 3.0, 100.0)
     ]
-    with_zero = [
-        NRDOB(PLANT, ([-1, 3], np.poly([-1, -1, -2])), 0.1, LowPassFilter(lam, 2))
-        for lam in (0.01, 0.05, 0.2)
-    ]
+    model = ([-1, 3], np.poly([-1, -1, -2]))
+    with_zero = [NRDOB(PLANT, model, 0.1, LowPassFilter(lam, 2)) for lam in (0.01, 0.05, 0.2)]
     reversed_sign = [replace(x, model=([1, -3], x.model[1]), controller=-0.1) for x in with_zero]
 
     def odd(loops: list[NRDOB]) -> int:
@@ -300,8 +294,8 @@ def _family_3() -> Finding:
         plant = ([4 * gain], np.polymul([-1, -1, 2], [lag, 1]))
         return is_stable(replace(loop, process=plant))
 
-    sides = [stable(1, 0.999 * longest), stable(1, 1.001 * longest)]
-    sides += [stable(0.999 * highest, 0.1), stable(1.001 * highest, 0.1)]
+    sides = [stable(1, k * longest) for k in (0.999, 1.001)]
+    sides += [stable(k * highest, 0.1) for k in (0.999, 1.001)]
     count = int((~table["stable"]).sum())
     return Finding(
         count == 0,

@@ -225,9 +225,8 @@ def _what_lemma_1_does_not_see() -> Finding:
     # An unstable F = 1/(1 − 0.1s), for G = −Gm = −1/(s + 1).
     one, lag, den = np.ones(1), np.array([1.0, 1.0]), np.array([-0.1, 1.0])
     p_b = np.polysub(np.convolve(lag, np.polysub(den, one)), lag)
-    by_filter = modes(
-        *(Fraction(*block) for block in ((-one, lag), (one, lag), (one, one), (one, den)))
-    )
+    blocks = (-one, lag), (one, lag), (one, one), (one, den)
+    by_filter = modes(*(Fraction(*block) for block in blocks))
     ill_posed = replace(example(2), filter=LowPassFilter(0.01, 1))
     return Finding(
         every((value < 0) <= (mode < 0) for value, mode in zip(seen, true, strict=True)),

@@ -294,11 +294,9 @@ def variation_finding(
     """Find whether the plant is modified by a factor on what is measured, and a pole at −10."""
     before, after = map(measure, both(which))
     poles = [np.sort(np.roots(loop.G.denominator.q).real) for loop in both(which)]
-    holds = np.isclose(after, factor * before) and np.allclose(
-        poles[1], [-10, *poles[0]], atol=1e-6
-    )
+    one_more = np.allclose(poles[1], [-10, *poles[0]], atol=1e-6)
     return Finding(
-        bool(holds),
+        bool(np.isclose(after, factor * before)) and one_more,
         f"{what} {number(before, 4)} → {number(after, 4)}{unit}; poles "
         f"{', '.join(number(p, 4) for p in poles[1])}",
     )
@@ -313,14 +311,11 @@ def performance_finding(which: int, times: float) -> Finding:
     stable = all(loop.stability().stable and comes_to_rest(loop) for loop in loops)
     tracks = abs(tracking[1] / tracking[0] - 1) < 0.1
     rejects = abs(rejection[1] - rejection[0]) < 0.1 and peak[1] < 1.1 * peak[0]
-    compared = {
-        "Ms": peak,
-        "lowest value of the response to d": rejection,
-        "peak of the response to R": tracking,
-    }
+    names = "Ms", "lowest value of the response to d", "peak of the response to R"
+    compared = zip(names, (peak, rejection, tracking), strict=True)
     return Finding(
         stable and tracks and rejects,
-        "; ".join(f"{name} {number(a, 4)} → {number(b, 4)}" for name, (a, b) in compared.items()),
+        "; ".join(f"{name} {number(a, 4)} → {number(b, 4)}" for name, (a, b) in compared),
         "kept: within 10 %",
         conditions={
             "both loops are stable, and their responses end where they should": stable,

@@ -109,8 +109,7 @@ def _with_gain(loop: NRDOB, gain: float) -> bool:
 @SECTION.check("cor1.stable")
 def _perfect_models() -> Finding:
     rng = np.random.default_rng(29)
-    stable: list[bool] = []
-    factored: list[bool] = []
+    stable, factored = [], []
     while len(stable) < 40:
         G, C = random_block(rng, 3), random_block(rng, 2)
         num, den = G.num_array[0, 0], G.den_array[0, 0]
@@ -170,11 +169,8 @@ def _margins_of_a_perfect_model() -> Finding:
     limits, phases, same_margins, ends = [], [], [], []
     for order in range(1, 7):
         own = replace(first, model=first.process, filter=LowPassFilter(0.01, order))
-        loops = [
-            own,
-            replace(own, controller=2 * own.controller),
-            NRDOB(other, other, 1 / _s, LowPassFilter(0.3, order)),
-        ]
+        louder = replace(own, controller=2 * own.controller)
+        loops = [own, louder, NRDOB(other, other, 1 / _s, LowPassFilter(0.3, order))]
         margins = [loop.margins().plant_loop for loop in loops]
         limits.append(margins[0].gm_high)
         phases.append(margins[0].pm)

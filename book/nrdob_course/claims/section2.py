@@ -125,9 +125,8 @@ def _a_causal_choice_of_the_order() -> Finding:
 
 @SECTION.check("eq01.bandwidth")
 def _time_constant_and_bandwidth() -> Finding:
-    corners = np.array(
-        [brentq(lambda x, n=n: abs(LowPassFilter(1.0, n)(1j * x)) ** 2 - 0.5, 0, 2) for n in ORDERS]
-    )
+    filters = [LowPassFilter(1.0, n) for n in ORDERS]
+    corners = [brentq(lambda x, F=F: abs(F(1j * x)) ** 2 - 0.5, 0, 2) for F in filters]
     x = np.geomspace(1e-2, 1e2, 41)
     agree = [
         same(F(1j * x / value), LowPassFilter(1.0, order)(1j * x))

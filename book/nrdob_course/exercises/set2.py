@@ -168,10 +168,8 @@ def _draw_plot(rng: np.random.Generator, wanted: int) -> PlotCase:
     else:
         model = (s - hidden) / ((s + lag) * (s + other))
     ratio = g * above / below
-    num, den = (
-        np.polymul(getattr(ratio, part)[0, 0], getattr(model, part)[0, 0])
-        for part in ("num_array", "den_array")
-    )
+    num = np.polymul(ratio.num_array[0, 0], model.num_array[0, 0])
+    den = np.polymul(ratio.den_array[0, 0], model.den_array[0, 0])
     filter = LowPassFilter(draw(rng, 0.05, 2), 3 if wanted == 2 else 2)
     return PlotCase(NRDOB(ct.tf(num, den), model, 0, filter))
 
@@ -402,10 +400,8 @@ def _not_refuting(case: UnstablePlant, got: Any) -> str:
         return lack
     for kind, term, open_loop in (("A", "C Gm", got.CGm), ("B", "FH", got.FH)):
         if _visible(open_loop).size:
-            return Lack(
-                kind,
-                f"1 + {term} has an unstable zero, so the lemma does not call this loop stable",
-            )
+            words = "has an unstable zero, so the lemma does not call this loop stable"
+            return Lack(kind, f"1 + {term} {words}")
     verdict = got.stability().stable
     if verdict is None:
         return AT_A_BORDER
@@ -506,9 +502,8 @@ def _not_held(case: DistantZero, got: Any) -> str:
     if not right_half_plane_parity(got.process, got.model).holds:
         return Lack("sign", "p_B has an odd number of unstable roots for every λ and n")
     F = got.filter
-    works = isinstance(F, LowPassFilter) and stabilizing_time_constants(
-        got.process, got.model, F.order
-    )
+    lowpass = isinstance(F, LowPassFilter)
+    works = lowpass and stabilizing_time_constants(got.process, got.model, F.order)
     if not works:
         return "with this model and order the filter does not stabilise p_B"
     kind = "fast" if F.time_constant <= works[0][0] else "slow"

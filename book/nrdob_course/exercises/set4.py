@@ -86,10 +86,8 @@ def _plants(case: CardCase) -> list[Any]:
 
 
 def _card_case(rng: np.random.Generator) -> CardCase:
-    delay, zero, lag, double_lag = (
-        draw(rng, *ends) for ends in ((0.02, 3), (3, 60), (0.02, 3), (0.02, 3))
-    )
-    return CardCase(delay, zero, lag, double_lag, order=int(rng.integers(2, 4)))
+    errors = [draw(rng, *ends) for ends in ((0.02, 3), (3, 60), (0.02, 3), (0.02, 3))]
+    return CardCase(*errors, order=int(rng.integers(2, 4)))
 
 
 ERRORS = ("the dead time", "the zero", "the lag", "the two lags")
@@ -302,9 +300,8 @@ def _errors(case: PlantsCase) -> list[tuple[float, float]]:
 
 def borders_of(case: PlantsCase, of_FH: bool = False) -> list[float]:
     """Give the smallest λ that meets the limit, for each plant, plus 1 %."""
-    return [
-        1.01 * _border(case.order, gain, case.max_ms, of_FH) / zero for gain, zero in _errors(case)
-    ]
+    n, ms = case.order, case.max_ms
+    return [1.01 * _border(n, gain, ms, of_FH) / zero for gain, zero in _errors(case)]
 
 
 def _last_edge(case: PlantsCase) -> float:

@@ -223,10 +223,8 @@ def _bench_goals(case: Project, loop: NRDOB) -> list[Goal]:
     limits = ActuatorLimits(-case.max_input, case.max_input)
     run = sampled.simulate({"delta": load}, limits=limits, timepts=time)
     left = float(np.abs(run.y[-1]) / np.abs(run.y).max())
-    return [
-        Goal("sampled Ms", sampled.margins().ms, limit),
-        Goal("left of y after the load", left, 0.05),
-    ]
+    peak = sampled.margins().ms
+    return [Goal("sampled Ms", peak, limit), Goal("left of y after the load", left, 0.05)]
 
 
 def _settled(case: Project, loop: NRDOB) -> float:
@@ -554,10 +552,8 @@ class BenchCase:
 
 
 def _bench(case: BenchCase) -> list[list[NRDOB]]:
-    return [
-        [NRDOB(plant, case.model, case.controller, filter) for plant in case.plants]
-        for filter in case.filters
-    ]
+    blocks = case.model, case.controller
+    return [[NRDOB(plant, *blocks, filter) for plant in case.plants] for filter in case.filters]
 
 
 @kept
@@ -577,11 +573,8 @@ def _worst(case: BenchCase) -> list[float]:
 
 def _unjudged(case: BenchCase) -> list[float]:
     """Give the largest |1/(1 + L)| on a grid, stable or not."""
-    omega = np.geomspace(1e-2, 1e3, 1500) * float(np.abs(case.model.poles()).min())
-    return [
-        max(float((1 / np.abs(1 + loop.L(1j * omega))).max()) for loop in row)
-        for row in _bench(case)
-    ]
+    s = 1j * np.geomspace(1e-2, 1e3, 1500) * float(np.abs(case.model.poles()).min())
+    return [1 / min(float(np.abs(1 + loop.L(s)).min()) for loop in row) for row in _bench(case)]
 
 
 def _bench_tells(case: BenchCase) -> bool:

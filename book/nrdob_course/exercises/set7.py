@@ -290,9 +290,8 @@ def _yes_or_no(given: Any) -> bool:
         return words[word]
     value = number(given)
     if value not in (0, 1):
-        raise UnreadableError(
-            f"the last of the three is True if the drive settles, and else False, not {value:g}"
-        )
+        words = "the last of the three is True if the drive settles, and else False"
+        raise UnreadableError(f"{words}, not {value:g}")
     return bool(value)
 
 
@@ -404,10 +403,8 @@ def _rest_case(rng: np.random.Generator) -> RestCase:
     lead = stiff + few(stiff * 0.04) * s / (0.2 * value * s + 1)
     own = few(friction * rng.uniform(1.3, 2.0))
     process = 1 / (s * (inertia * s + own))
-    calm, keen = (
-        NRDOB(process, angle, lead, nrdob.interpolating_filter(angle, value, ramp=ramp))
-        for ramp in (1, 2)
-    )
+    filters = [nrdob.interpolating_filter(angle, value, ramp=ramp) for ramp in (1, 2)]
+    calm, keen = (NRDOB(process, angle, lead, F) for F in filters)
     dry = draw(rng, 0.05, 0.3)
     held = Friction(dry, few(dry * rng.uniform(1.3, 1.8)), 0.05, own)
     return RestCase(calm, keen, held, draw(rng, 0.005, 0.05))

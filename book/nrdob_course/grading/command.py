@@ -106,10 +106,8 @@ def grade(
 
 def released(target: Path, names: set[str]) -> dict[str, Notebook]:
     """Give the students' copy of each of some sets, made anew."""
-    return {
-        name: nbformat.read(generate(target, SOURCE, name) / f"{name}.ipynb", as_version=4)
-        for name in sorted(names)
-    }
+    places = {name: generate(target, SOURCE, name) for name in sorted(names)}
+    return {name: nbformat.read(p / f"{name}.ipynb", as_version=4) for name, p in places.items()}
 
 
 NO_SANDBOX = (
@@ -168,10 +166,8 @@ def compare(
         rows = [row for row in before if row["set"] not in given_out]
     for name, skeleton in given_out.items():
         graded = [e for e in records.entries if e["set"] == name and not e["reason"]]
-        notebooks = {
-            entry["student"]: nbformat.read(target / marks.place_of(entry), as_version=4)
-            for entry in graded
-        }
+        places = {entry["student"]: target / marks.place_of(entry) for entry in graded}
+        notebooks = {who: nbformat.read(place, as_version=4) for who, place in places.items()}
         copies = similar.copies(notebooks, skeleton, solutions[name])
         found = similar.pairs(notebooks, skeleton)
         rows += [{"set": name, **line} for line in similar.told([*copies, *found])]
