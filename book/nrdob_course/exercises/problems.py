@@ -31,7 +31,7 @@ from .reading import as_given
 
 __all__ = [
     "BUDGET", "Case", "Feedback", "Lack", "Misconception", "Points", "Problem", "any_of",
-    "first_of", "lacking", "pose", "put_right", "reading", "texts_of", "words",
+    "first_of", "lacking", "lacks_of", "pose", "put_right", "reading", "texts_of", "words",
 ]  # fmt: skip
 
 Case = Any
@@ -327,6 +327,12 @@ def texts_of(module: str) -> dict[str, Any]:
     """Read what is said to students, as of the problems of a set by their ids."""
     file = files(__package__).joinpath(f"{module}.toml")
     return tomllib.loads(file.read_text(encoding="utf-8"))
+
+
+def lacks_of(id: str, **values: Any) -> dict[str, str]:
+    """Say what the parts of an answer to a problem lack, by their names, with some values."""
+    said = texts_of(f"set{id.partition('.')[0]}")[id]["lacks"]
+    return {name: words(text).format(**values) for name, text in said.items()}
 
 
 def words(text: str) -> str:

@@ -29,7 +29,7 @@ from .cases import (
 )
 from .comparing import same, unlike
 from .drawing import apart, draw, either_sign, few, first_fitting, kept
-from .problems import Lack, Misconception, any_of, first_of, lacking, pose, reading
+from .problems import Lack, Misconception, any_of, first_of, lacking, lacks_of, pose, reading
 from .reading import number as one_number
 from .reading import numbers
 
@@ -201,18 +201,7 @@ def _misread(wrong: Callable[[float, float, float], Reading]) -> Callable[[PlotC
 
 
 def _misread_numbers(case: PlotCase, got: FloatArray) -> dict[str, str]:
-    return unlike(
-        _reading(case),
-        got,
-        {
-            "N": "the first number is not what the plot does around -1. Draw a ray from -1 to the "
-            "far left: where the plot crosses it upwards it has made a clockwise encirclement, "
-            "where downwards an anticlockwise one. Both halves count, the solid and the dashed",
-            "P": "N is right, P is not: it counts the poles of the plant and the zeros of the "
-            "model on the right, whether they cancel or not",
-            "Z": "N and P are right, and Z does not follow from them: Z = N + P",
-        },
-    )
+    return unlike(_reading(case), got, lacks_of("2.3"))
 
 
 READING = pose(
@@ -333,14 +322,13 @@ def _near(value: float, got: float) -> bool:
 
 def _hints(case: HalfCurve) -> dict[float, str]:
     axis, pieces = _readings(case)["axis only"], _readings(case)["pieces"]
-    return {
-        axis / 2: "it is what positive frequencies alone give. Where are the mirror image, the "
-        "detour, and the half circle?",
-        axis - pieces: "the two closing pieces seem to go the wrong way: both are clockwise",
-        axis + 2 * pieces: "each pole at 0 and each degree of excess adds half a turn, not a whole",
-        pieces - axis: "the closing pieces seem right; but numpy's angles grow counter-clockwise, "
-        "so their sum needs a minus sign",
+    slips = {
+        "half": axis / 2,
+        "backwards": axis - pieces,
+        "whole": axis + 2 * pieces,
+        "sign": pieces - axis,
     }
+    return {slips[name]: said for name, said in lacks_of("2.4").items()}
 
 
 def _closing_lacks(case: HalfCurve, got: float) -> str:

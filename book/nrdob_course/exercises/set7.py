@@ -21,7 +21,7 @@ from nrdob.numerics import FloatArray
 from .cases import not_around, s
 from .comparing import rounds, same, unlike
 from .drawing import apart, draw, few, first_fitting, fitting, kept
-from .problems import Lack, first_of, lacking, pose
+from .problems import Lack, first_of, lacking, lacks_of, pose
 from .reading import UnreadableError, number, numbers, things
 
 __all__ = ["COUNTING", "DIFFERENCE", "PROGRAM", "REST", "SHAFT"]
@@ -75,17 +75,8 @@ def _counting_case(rng: np.random.Generator) -> CountingCase:
 
 def _miscounted(case: CountingCase, got: FloatArray) -> dict[str, str]:
     jump = case.inertia / case.time_constant * got[0] / got[1] if got[1] > 0 else inf
-    return unlike(
-        _window(case),
-        got,
-        {
-            "step": "the first number is not the speed, in rad/s, of one count in one sample",
-            "m": f"with m = {got[1]:g} one count moves the torque by {jump:.3g} N m, and "
-            f"{case.ripple:g} N m are allowed: m is the smallest whole number with which it keeps "
-            "to that",
-            "delay": "the last number is not the delay of that speed",
-        },
-    )
+    said = lacks_of("7.1", m=got[1], jump=jump, ripple=case.ripple)
+    return unlike(_window(case), got, said)
 
 
 COUNTING = pose(
@@ -296,18 +287,8 @@ def _yes_or_no(given: Any) -> bool:
 
 
 def _misread(case: ProgramCase, got: Reading) -> dict[str, str]:
-    says = "settles" if got.settles else "does not settle"
-    return unlike(
-        _made(case),
-        got,
-        {
-            "time constant": "the time constant is not the one whose filter, by Tustin's rule, is "
-            "in FILTER",
-            "inertia": "the inertia is not the one of the model that INVERSE, which is F/Gm, holds",
-            "verdict": f"you say that the drive {says}; run it from rest, and look at its last "
-            "fifth",
-        },
-    )
+    does = "settles" if got.settles else "does not settle"
+    return unlike(_made(case), got, lacks_of("7.4", does=does))
 
 
 PROGRAM = pose(
@@ -411,17 +392,9 @@ def _rest_case(rng: np.random.Generator) -> RestCase:
 
 
 def _unrested(case: RestCase, got: FloatArray) -> dict[str, str]:
-    needed = got[0] / _rest(case)[0] * case.friction.breakaway
-    return unlike(
-        _rest(case),
-        got,
-        {
-            "widest": f"at {got[0]:.3g} rad beside the reference the calm loop pushes with "
-            f"{needed:.3g} N m, and the motor breaks away at {case.friction.breakaway:g} N m",
-            "climb": "the widest rest is right, the time is not: while y stands, S_δ(s) ≈ A s says "
-            "how fast the torque climbs that an error makes",
-        },
-    )
+    widest, holds = _rest(case)[0], case.friction.breakaway
+    said = lacks_of("7.5", rest=got[0], needed=got[0] / widest * holds, holds=holds)
+    return unlike(_rest(case), got, said)
 
 
 REST = pose(
