@@ -125,9 +125,8 @@ def _noise_at_low_frequency() -> Finding:
 
 def _at(G: Any, Gm: Any, F: LowPassFilter, name: str, s: complex) -> complex:
     """One map of the diagram at one point, for C = 1."""
-    point = np.array([s], dtype=complex)
-    v = Values(G(point), Gm(point), np.ones(1, dtype=complex), F(point))
-    return complex(v.map(name)[0])
+    values = (np.array([block(s)]) for block in (G, Gm, lambda s: 1.0 + 0j, F))
+    return complex(Values(*values).map(name)[0])
 
 
 @SECTION.check("eq05.S_delta")

@@ -108,11 +108,10 @@ def _rational_functions_not_polynomials() -> Finding:
     grows, starts, ends = [], [], []
     for loop in loops:
         here, there = Values.of(loop, near), Values.of(loop, far)
-        a, a_far = abs(1 + here.CGm[0]), abs(1 + there.CGm[0])
-        b, b_far = abs(here.B[0]), abs(there.B[0])
-        grows += [same(a, a_far) or a_far > 1e6 * a, same(b, b_far) or b_far > 1e6 * b]
-        starts.append(a)
-        ends.append(a_far)
+        starts.append(abs(1 + here.CGm[0]))
+        ends.append(abs(1 + there.CGm[0]))
+        pairs = (starts[-1], ends[-1]), (abs(here.B[0]), abs(there.B[0]))
+        grows += [same(size, later) or later > 1e6 * size for size, later in pairs]
     return Finding(
         every(grows),
         f"Examples 1 to 4: from s = 3 to 10⁹ the size of A goes from {numbers(starts[:4])} to "
@@ -189,8 +188,7 @@ def _three_forms_of_h() -> Finding:
     rng = np.random.default_rng(7)
     loops = many_loops()
     v = Values.random(rng)
-    points = [random_points(rng) for _ in loops]
-    pairs = zip(loops, points, strict=True)
+    pairs = [(loop, random_points(rng)) for loop in loops]
     agree = [_h_forms_agree(Values.of(loop, s), loop.H(s)) for loop, s in pairs]
     return Finding(
         _h_forms_agree(v, v.H) and every(agree),
@@ -275,11 +273,10 @@ def _poles_and_zeros(loop: NRDOB) -> ComplexArray:
 def _poles_of_the_mismatch() -> Finding:
     before, after, stay = [], [], []
     for loop in map(example, (1, 2, 3)):
-        roots = _poles_and_zeros(loop)
+        roots, p_B = _poles_and_zeros(loop), loop.p_B
         gone = [root for root in roots if not _is_pole(loop, root)]
         before.append(roots.size)
         after.append(roots.size - len(gone))
-        p_B = loop.p_B
         stay += [abs(p_B(root)) <= EXACT * np.polyval(p_B.scale, abs(root)) for root in gone]
     loops = random_loops(20) + random_loops(10, delayed=True)
     poles = [_is_pole(loop, root) for loop in loops for root in _poles_and_zeros(loop)]

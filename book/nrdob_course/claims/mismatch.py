@@ -56,12 +56,12 @@ def _a_zero_that_no_filter_survives() -> Finding:
     with_zero, without = 1 + 4 * (_s - 1) / (_s - 2), 1 + 4 * (_s + 1) / (_s - 2)
     model = 1 / (_s + 1)
     tried = list(product(np.geomspace(1e-3, 1e3, 21), (1, 2, 3, 4)))
-    counts, parity, saved = [], [], []
-    for value, order in tried:
-        loop = _observer(with_zero, model, value, order)
-        counts.append(in_right_half(loop.p_B.q))
-        parity.append(same(1 + loop.FH(1.0), 1) and loop.p_B(1.0).real < 0 < loop.p_B(2.0).real)
-        saved.append(in_right_half(_observer(without, model, value, order).p_B.q) == 0)
+    loops = [_observer(with_zero, model, *filter) for filter in tried]
+    counts = [in_right_half(loop.p_B.q) for loop in loops]
+    parity = [
+        same(1 + loop.FH(1.0), 1) and loop.p_B(1.0).real < 0 < loop.p_B(2.0).real for loop in loops
+    ]
+    saved = [in_right_half(_observer(without, model, *each).p_B.q) == 0 for each in tried]
     return Finding(
         min(counts) > 0 and any(saved) and every(parity),
         f"H = 4(s − 1)/(s − 2): {min(counts)} or more roots in the right half plane for all "
@@ -269,10 +269,9 @@ def _plots_of_small_mismatches() -> Finding:
         return NRDOB(resonance(0.9, 0.01), resonance(1.0, 0.01), 0.0, F)
 
     real = resonant(1.0).H(1j * np.linspace(0.5, 1.5, 4001)).real
-    fast, middle, slow = 0.01, 0.3, 100.0
     low, high = (
         float(np.exp(brentq(lambda x: rightmost(resonant(float(np.exp(x)))), *np.log(within))))
-        for within in ((fast, middle), (middle, slow))
+        for within in ((0.01, 0.3), (0.3, 100.0))
     )
     ends = (0.99 * low, 1.01 * low, 0.99 * high, 1.01 * high)
     exchanged, left = _exchanged()

@@ -20,7 +20,7 @@ from typing import Any
 from .cases import factored
 from .figures import draw_without_count
 from .problems import BUDGET, Case, Feedback, Misconception, Points, Problem
-from .reviewing import HIDDEN_CASES, VISIBLE_CASES, review, timed
+from .reviewing import HIDDEN_CASES, NOBODY, NOT_NOW, VISIBLE_CASES, review, timed
 from .set5 import draw_edge
 
 __all__ = [
@@ -39,13 +39,6 @@ PROBLEMS: dict[str, Problem] = {
 
 :meta hide-value:
 """
-
-
-NOT_NOW = "Not checked while the notebook is graded: it would take the time of the grading."
-
-NOBODY = (
-    "This is the case of group 0, which is nobody's: write your group's number into the first cell."
-)
 
 
 def own_case(id: str, group: int) -> Case:

@@ -22,8 +22,8 @@ from .problems import BUDGET, Case, Feedback, Lack, Misconception, Problem, text
 from .reading import UnreadableError
 
 __all__ = [
-    "BLANK", "HARD_CODED", "HIDDEN", "HIDDEN_CASES", "NOTHING", "OTHER", "ROUNDED", "TOO_SLOW",
-    "VISIBLE_CASES", "review", "timed",
+    "BLANK", "HARD_CODED", "HIDDEN", "HIDDEN_CASES", "NOBODY", "NOTHING", "NOT_NOW", "OTHER",
+    "ROUNDED", "TOO_SLOW", "VISIBLE_CASES", "review", "timed",
 ]  # fmt: skip
 
 VISIBLE_CASES, HIDDEN_CASES = 4, 8
@@ -31,7 +31,8 @@ VISIBLE_CASES, HIDDEN_CASES = 4, 8
 _SAID = {name: words(text) for name, text in texts_of("reviewing").items()}
 BLANK, NOTHING, SOMETIMES = (_SAID[name] for name in ("blank", "nothing", "sometimes"))
 ROUNDED, TOO_SLOW, HARD_CODED = (_SAID[name] for name in ("rounded", "too slow", "hard-coded"))
-HIDDEN, OTHER = _SAID["hidden"], "a case that is not your own"
+HIDDEN, NOT_NOW, NOBODY = (_SAID[name] for name in ("hidden", "not now", "nobody"))
+OTHER = "a case that is not your own"
 KEPT = 0.75  # share of the points for a right answer that was rounded
 
 

@@ -315,13 +315,9 @@ def regrade(
     """
     records = records_of(target)
     sets = {f"set{problem.partition('.')[0]}" for problem in problems}
-    chosen = [
-        entry
-        for entry in records.entries
-        if not entry["reason"]
-        and (not students or entry["student"] in students)
-        and (not sets or entry["set"] in sets)
-    ]
+    chosen = [entry for entry in records.entries if not entry["reason"]]
+    chosen = [entry for entry in chosen if not students or entry["student"] in students]
+    chosen = [entry for entry in chosen if not sets or entry["set"] in sets]
     if unknown := set(students) - {entry["student"] for entry in chosen}:
         raise CourseError(f"nothing of {', '.join(sorted(unknown))} is graded there")
     if not chosen:
@@ -337,11 +333,9 @@ def regrade(
             failed += 1
             print(f"not regraded: {submission.name}: {outcome.reason}", flush=True)
             continue
-        outcome.grades = {
-            cell: points
-            for cell, points in outcome.grades.items()
-            if not problems or problem_of(cell) in problems
-        }
+        for cell in list(outcome.grades):
+            if problems and problem_of(cell) not in problems:
+                del outcome.grades[cell]
         with course(target).gradebook as gradebook:
             before = {grade.name: grade.auto_score for grade in grades_of(gradebook, entry)}
             marks.enter(gradebook, entry["folder"], outcome)

@@ -57,9 +57,8 @@ class Course:
     def find(self, name: str, identifier: str = "") -> Student | None:
         """Find who is meant: by number, or by a name that is nobody else's."""
         for student in self.students:
-            if identifier and identifier == student.identifier:
-                return student
-            if name in (student.identifier, self.called(student)):
+            numbered = identifier and identifier == student.identifier
+            if numbered or name in (student.identifier, self.called(student)):
                 return student
         found = self.namesakes(name)
         return found[0] if len(found) == 1 else None
