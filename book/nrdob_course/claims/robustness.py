@@ -109,7 +109,8 @@ def _with_gain(loop: NRDOB, gain: float) -> bool:
 @SECTION.check("cor1.stable")
 def _perfect_models() -> Finding:
     rng = np.random.default_rng(29)
-    stable, factored = [], []
+    stable: list[bool] = []
+    factored: list[bool] = []
     while len(stable) < 40:
         G, C = random_block(rng, 3), random_block(rng, 2)
         num, den = G.num_array[0, 0], G.den_array[0, 0]

@@ -86,8 +86,9 @@ def _plants(case: CardCase) -> list[Any]:
 
 
 def _card_case(rng: np.random.Generator) -> CardCase:
-    errors = [draw(rng, *ends) for ends in ((0.02, 3), (3, 60), (0.02, 3), (0.02, 3))]
-    return CardCase(*errors, order=int(rng.integers(2, 4)))
+    ends = (0.02, 3), (3, 60), (0.02, 3), (0.02, 3)
+    delay, zero, lag, double_lag = (draw(rng, *each) for each in ends)
+    return CardCase(delay, zero, lag, double_lag, order=int(rng.integers(2, 4)))
 
 
 ERRORS = ("the dead time", "the zero", "the lag", "the two lags")

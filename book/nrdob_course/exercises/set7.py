@@ -281,8 +281,8 @@ def _yes_or_no(given: Any) -> bool:
         return words[word]
     value = number(given)
     if value not in (0, 1):
-        words = "the last of the three is True if the drive settles, and else False"
-        raise UnreadableError(f"{words}, not {value:g}")
+        asked = "the last of the three is True if the drive settles, and else False"
+        raise UnreadableError(f"{asked}, not {value:g}")
     return bool(value)
 
 
