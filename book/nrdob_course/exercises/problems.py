@@ -228,18 +228,6 @@ class Problem:
     makes: Callable[[Any], Case] = as_given
     drawn_as: str = ""
 
-    def accepts(self, case: Case, got: Any) -> bool:
-        """Tell whether an answer to a case has the properties asked for.
-
-        Parameters
-        ----------
-        case : Case
-            What was asked.
-        got : object
-            The answer, as it is given.
-        """
-        return not self.lacks(case, self.reads(got))
-
     def cases(self, seed: Any, count: int) -> list[Case]:
         """Give cases as `drawn`, in copies: whoever changes a case changes nobody else's.
 
