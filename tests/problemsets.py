@@ -26,6 +26,11 @@ STUB = "# YOUR CODE HERE"
 """What a student finds in the place of an answer, as the settings of nbgrader say."""
 
 
+def accepts(problem: Problem, case: Any, answer: Any) -> bool:
+    """Whether an answer to a case, however it is given, has the properties asked for."""
+    return not problem.lacks(case, problem.reads(answer))
+
+
 @dataclass(frozen=True)
 class Posed:
     """A problem as its notebook poses it."""

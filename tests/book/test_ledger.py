@@ -24,8 +24,9 @@ def claim(
     """Make up a claim that gets its verdict, or, if it does not hold, gets none."""
     amendment = None if verdict is Verdict.REPRODUCED else Amendment(verdict, f"The truth of {id}.")
 
+    how = "Count on *fingers*."
+
     def check() -> Finding:
-        """Count on *fingers*."""
         return Finding(
             as_printed=holds and amendment is None,
             computed=f"{id} computed",
@@ -33,7 +34,7 @@ def claim(
             conditions={f"the truth of {id}": holds} if amendment else {},
         )
 
-    return Claim(id, f"place of {id}", f"Says ${id}$.", "0.3", chapter, amendment, check)
+    return Claim(id, f"place of {id}", f"Says ${id}$.", "0.3", chapter, amendment, how, check)
 
 
 def ledger_of(*claims: Claim) -> dict[str, Claim]:
@@ -132,7 +133,7 @@ def test_a_check_that_crashes_is_told_and_the_others_run(
     def check() -> Finding:
         raise ZeroDivisionError("division by zero")
 
-    crash = Claim("eq03", "p. 1", "Says.", "", "11_one", None, check)
+    crash = Claim("eq03", "p. 1", "Says.", "", "11_one", None, "", check)
     code, said = run(EVERY_VERDICT | {"eq03": crash}, chapters, capsys)
     assert code == 1
     assert "eq03: the check fails: division by zero" in said

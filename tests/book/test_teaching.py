@@ -609,7 +609,7 @@ def test_new_seeds_can_be_set_as_the_page_says() -> None:
 def test_the_example_of_a_new_problem_works(monkeypatch: pytest.MonkeyPatch) -> None:
     blocks = dict(BLOCK.findall(PAGES["adding"]))
     code, texts = blocks["python"], tomllib.loads(textwrap.dedent(blocks["toml"]))
-    monkeypatch.setattr("nrdob_course.exercises.problems.texts_of", {"8": texts}.get)
+    monkeypatch.setattr("nrdob_course.exercises.problems.texts_of", {"set8": texts}.get)
     space: dict[str, Any] = {"__name__": __name__}
     exec(textwrap.dedent(code), space)
     [problem] = map(space.get, space["__all__"])

@@ -11,15 +11,18 @@ import pytest
 from nrdob import NRDOB, LowPassFilter, stabilizing_time_constants
 from nrdob_course.exercises import own_case
 from nrdob_course.exercises.cases import s
-from nrdob_course.exercises.set5 import ADVICE, DESIGN, SIGN
-from nrdob_course.exercises.set5_edges import (
+from nrdob_course.exercises.set5 import (
+    ADVICE,
     BORDER,
+    DESIGN,
     EDGE,
+    SIGN,
     borders_read,
     draw_edge,
     edge_of,
     side_of,
 )
+from problemsets import accepts
 
 
 @pytest.mark.parametrize("case", SIGN.cases(1, 4), ids=lambda case: str(case)[-40:])
@@ -35,16 +38,16 @@ def test_with_the_other_sign_no_filter_stabilises(case: Any) -> None:
 def test_the_border_is_wanted_to_one_part_in_a_thousand(
     case: Any, factor: float, right: bool
 ) -> None:
-    assert (BORDER.accepts(case, factor * borders_read(case)["true"]) is True) is right
+    assert (accepts(BORDER, case, factor * borders_read(case)["true"]) is True) is right
 
 
 @pytest.mark.parametrize("case", EDGE.cases(1, 6), ids=str)
 def test_an_edge_may_be_read_with_the_eye(case: Any) -> None:
     value, _ = edge_of(case)
     for factor in (0.93, 1.07):
-        assert EDGE.accepts(case, (factor * value, side_of(case))) is True
+        assert accepts(EDGE, case, (factor * value, side_of(case))) is True
     for factor in (0.7, 1.4):
-        assert EDGE.accepts(case, [factor * value, side_of(case)]) is not True
+        assert accepts(EDGE, case, [factor * value, side_of(case)]) is not True
 
 
 @pytest.mark.parametrize("group", range(1, 7))
@@ -67,10 +70,10 @@ def test_the_edge_lies_between_marks(group: int) -> None:
 def test_every_order_above_the_lowest_refutes_the_advice(case: Any) -> None:
     for lags in (1, 2):
         model = case.gain / ((s + case.pole) * (s + case.decay) * (s / 50 + 1) ** lags)
-        assert ADVICE.accepts(case, (model, 2 + lags)) is not True
+        assert accepts(ADVICE, case, (model, 2 + lags)) is not True
         for order in (3 + lags, 4 + lags):
-            assert ADVICE.accepts(case, (model, order)) is True
-        assert ADVICE.accepts(case, (model, float(3 + lags))) is True
+            assert accepts(ADVICE, case, (model, order)) is True
+        assert accepts(ADVICE, case, (model, float(3 + lags))) is True
 
 
 @pytest.mark.parametrize("case", DESIGN.cases(1, 4), ids=str)
@@ -80,7 +83,7 @@ def test_other_designs_count_as_well(case: Any) -> None:
     for value, order in ((0.09, 2), (0.13, 2), (0.08, 3)):
         for C in (p / (k * s), 0.5 * p * (s + p) / (k * s)):
             loop = NRDOB(case.process, model, C, LowPassFilter(value / p, order))
-            assert DESIGN.accepts(case, loop) is True
+            assert accepts(DESIGN, case, loop) is True
     slow = NRDOB(case.process, model, p / (k * s), LowPassFilter(0.3 / p, 2))
     assert "a faster filter lowers it" in DESIGN.lacks(case, slow)
     without = NRDOB(case.process, model, 0, LowPassFilter(0.1 / p, 2))

@@ -10,8 +10,7 @@ import pytest
 
 from nrdob import NRDOB, LowPassFilter, stabilizing_time_constants
 from nrdob_course.exercises import PROBLEMS, check, own_case
-from nrdob_course.exercises.set6 import survives
-from nrdob_course.exercises.set6_project import (
+from nrdob_course.exercises.set6 import (
     STAGES,
     Project,
     controller_of,
@@ -19,6 +18,7 @@ from nrdob_course.exercises.set6_project import (
     loop_of,
     mirrored_model,
     rms,
+    survives,
 )
 
 GROUPS = range(1, 13)

@@ -18,7 +18,7 @@ from nrdob_course.exercises.problems import Lack
 from nrdob_course.exercises.reading import numbers
 from nrdob_course.exercises.reviewing import HIDDEN, OTHER
 from nrdob_course.grading.encoding import decode, encode
-from problemsets import SETS, posed, published
+from problemsets import SETS, accepts, posed, published
 
 POSED = {this.id: this for path in SETS for this in posed(path)}
 Answer = Callable[[Any], Any]
@@ -128,7 +128,7 @@ def test_decibels_are_not_told_that_they_went_beyond_a_margin() -> None:
         assert found.recognised == "decibels taken for a factor"
         case = own_case("3.5", group)
         beyond = 1.02 * case.loop.margins().observer_loop.gm_high
-        assert not PROBLEMS["3.5"].accepts(case, beyond)
+        assert not accepts(PROBLEMS["3.5"], case, beyond)
 
 
 @pytest.mark.parametrize(

@@ -28,6 +28,7 @@ from nrdob_course.exercises.problems import (
 )
 from nrdob_course.exercises.reading import numbers
 from nrdob_course.exercises.reviewing import BLANK, HARD_CODED, TOO_SLOW, review
+from problemsets import accepts
 
 
 @dataclass(frozen=True)
@@ -258,8 +259,8 @@ def test_a_grader_that_gives_no_sentence_says_so_at_once(verdict: Any) -> None:
 
 
 def test_a_problem_accepts_what_lacks_nothing() -> None:
-    assert AREA.accepts(CASES[0], CASES[0].side ** 2) is True
-    assert AREA.accepts(CASES[0], -1.0) is False
+    assert accepts(AREA, CASES[0], CASES[0].side ** 2) is True
+    assert accepts(AREA, CASES[0], -1.0) is False
 
 
 # --- answers that misbehave ---------------------------------------------------------------------

@@ -52,11 +52,7 @@ def _worst(measure: Callable[[NRDOB], float]) -> list[float]:
 
 
 @SECTION.check("eq05.T_R")
-def tracking_at_low_frequency() -> Finding:
-    """Compute the modulus of T_R (1 + C Gm)/(C Gm) over [0, ω_B], from p_A and p_B.
-
-    The exact factor is compared with the diagram at random values; on loops it tends to 1 with s.
-    """
+def _tracking_at_low_frequency() -> Finding:
     v = Values.random(5)
     wanted = v.CGm / (1 + v.CGm)
     factor = v.map("T_R") / wanted
@@ -86,11 +82,7 @@ def tracking_at_low_frequency() -> Finding:
 
 
 @SECTION.check("eq05.S_d")
-def output_disturbance_at_low_frequency() -> Finding:
-    """Take |S_d| at ω_B in the examples; |1 − F| there and where it passes 0.1.
-
-    The exact form is compared with the diagram at random values, S_d(0) is exactly 0 on loops.
-    """
+def _output_disturbance_at_low_frequency() -> Finding:
     v = Values.random(5)
     filters = [LowPassFilter(1.0, order) for order in ORDERS[:3]]
     error = [abs(1 - F(1j * F.bandwidth)) for F in filters]
@@ -111,12 +103,7 @@ def output_disturbance_at_low_frequency() -> Finding:
 
 
 @SECTION.check("eq05.S_eta")
-def noise_at_low_frequency() -> Finding:
-    """Measure the distance of |S_η| from −1 on the band; take S_η(0), and S_η + 1 at random.
-
-    The condition fails for Gm = 1/s under G = 1/(s + 1): the diagram at s = 10⁻⁸ gives another
-    value than −1.
-    """
+def _noise_at_low_frequency() -> Finding:
     v = Values.random(5)
     loops = many_loops()
     distance = _worst(lambda loop: float(np.abs(np.abs(loop.S_eta(_low_band(loop))) + 1).min()))
@@ -138,18 +125,12 @@ def noise_at_low_frequency() -> Finding:
 
 def _at(G: Any, Gm: Any, F: LowPassFilter, name: str, s: complex) -> complex:
     """One map of the diagram at one point, for C = 1."""
-    point = np.array([s], dtype=complex)
-    v = Values(G(point), Gm(point), np.ones(1, dtype=complex), F(point))
-    return complex(v.map(name)[0])
+    values = (np.array([block(s)]) for block in (G, Gm, lambda s: 1.0 + 0j, F))
+    return complex(Values(*values).map(name)[0])
 
 
 @SECTION.check("eq05.S_delta")
-def input_disturbance_at_low_frequency() -> Finding:
-    """Take |S_δ| over the band in the examples, and its value near s = 0 for G = Gm = 1/s.
-
-    S_δ = G S_d is compared with the diagram at random values, the slope at s = 0 on loops, among
-    them a stable one with an integrator in the plant only.
-    """
+def _input_disturbance_at_low_frequency() -> Finding:
     v = Values.random(5)
     worst = _worst(lambda loop: float(np.abs(loop.S_delta(_low_band(loop))).max()))
     integrators = _at(1 / _s, 1 / _s, LowPassFilter(0.5, 2), "S_delta", 1e-6)
@@ -199,7 +180,6 @@ def _dying() -> list[NRDOB]:
 
 def _approach(
     name: str,
-    computed: str,
     what: str,
     form: str,
     ratio: Callable[[Values, ComplexArray], ComplexArray],
@@ -243,33 +223,23 @@ def _approach(
             },
         )
 
-    check.__doc__ = (
-        f"Compute {computed} where |F| ≤ 0.01, in the examples and for a biproper FH.\n\n"
-        f"The exact {'factor' if 'factor' in what else 'form'} is compared with the diagram at "
-        "random values, its limit on random loops."
-    )
-
 
 _approach(
-    "T_R", "T_R (1 + C Gm)/(C G)", "the factor between the two", "1/(1 + FH)",
+    "T_R", "the factor between the two", "1/(1 + FH)",
     lambda v, T_R: T_R * (1 + v.CGm) / (v.C * v.G), lambda v: 1 / (1 + v.FH),
 )  # fmt: skip
 _approach(
-    "S_d", "|S_d|", "|S_d|", "|(1 − F)/(1 + FH)|",
+    "S_d", "|S_d|", "|(1 − F)/(1 + FH)|",
     lambda v, S_d: S_d, lambda v: (1 - v.F) / (1 + v.FH),
 )  # fmt: skip
 _approach(
-    "S_delta", "|S_δ/G|", "|S_δ/G|", "|(1 − F)/(1 + FH)|",
+    "S_delta", "|S_δ/G|", "|(1 − F)/(1 + FH)|",
     lambda v, S_delta: S_delta / v.G, lambda v: (1 - v.F) / (1 + v.FH),
 )  # fmt: skip
 
 
 @SECTION.check("eq06.S_eta")
-def noise_at_high_frequency() -> Finding:
-    """Compute |S_η| where |F| ≤ 0.01, in the examples and for a biproper FH.
-
-    The exact form is compared with the diagram at random values, its limit on random loops.
-    """
+def _noise_at_high_frequency() -> Finding:
     v = Values.random(6)
     exact = -v.F * (1 + v.H) / (1 + v.FH)
     worst = _worst(lambda loop: float(np.abs(loop.S_eta(_high_band(loop))).max()))
@@ -295,12 +265,7 @@ def noise_at_high_frequency() -> Finding:
 
 
 @SECTION.check("sec2.noise")
-def noise_against_tracking() -> Finding:
-    """Make the filters of Examples 2 to 4 four times slower: all stay stable, all pass less noise.
-
-    T_R is compared with C Gm/(1 + C Gm) over all frequencies. The diagram at random values shows
-    that T_R is free of F for G = Gm, that it is not otherwise, and that S_d − S_η = 1.
-    """
+def _noise_against_tracking() -> Finding:
     s = 1j * np.geomspace(1e-3, 1e4, 2001)
     loops = [example(which) for which in (2, 3, 4)]
     slower = [filtered(loop, 4 * loop.filter.time_constant, loop.filter.order) for loop in loops]
@@ -325,10 +290,7 @@ def noise_against_tracking() -> Finding:
         ABOUT,
         conditions={
             "slower filters pass less noise, and stay stable": every(quieter),
-            "T_R is free of F for G = Gm": same(
-                v.matched.map("T_R"),
-                other.matched.map("T_R"),
-            ),
+            "T_R is free of F for G = Gm": same(v.matched.map("T_R"), other.matched.map("T_R")),
             "T_R depends on F otherwise": not np.isclose(tracking, other.map("T_R")).any(),
             "F enters T_R as (1 + H)/(1 + FH)": same(
                 tracking * (1 + v.CGm) / v.CGm, (1 + v.H) / (1 + v.FH)
@@ -339,11 +301,7 @@ def noise_against_tracking() -> Finding:
 
 
 @SECTION.check("sec2.high_disturbance")
-def disturbances_above_the_bandwidth() -> Finding:
-    """Find the largest |S_d| above ω_B in the examples; for G = Gm compare with closed forms.
-
-    The peak of |1 − F| comes from the diagram with G = Gm on 20,000 frequencies.
-    """
+def _disturbances_above_the_bandwidth() -> Finding:
     x = np.geomspace(LowPassFilter(1.0, 3).bandwidth, 1e6, 20_001)
     perfect = Values.random(8, x.size).matched
     filters = [perfect._replace(F=LowPassFilter(1.0, n)(1j * x)) for n in ORDERS[:3]]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from itertools import product
 
 import numpy as np
 
@@ -22,8 +23,7 @@ SECTION = section("conclusions")
 
 
 @SECTION.check("concl.unstable_nmp_delay")
-def designs_exist() -> Finding:
-    """See that the plants of Examples 2, 3, 4 are what they should be, and judge all six loops."""
+def _designs_exist() -> Finding:
     second, third, fourth = (both(k) for k in (2, 3, 4))
     features = [loop.G.to_tf().zeros().real.max() > 0 for loop in second]
     features += [loop.G.to_tf().poles().real.max() > 0 for loop in third]
@@ -37,31 +37,19 @@ def designs_exist() -> Finding:
 
 
 @SECTION.check("concl.not_matching")
-def not_matching() -> Finding:
-    """Judge nine filters with each: matched Examples 2 and 3; Example 4 with the path Fu delayed.
-
-    Then p = D Nm (Df − exp(−θs)) + N Dm exp(−θs), which is N·D·Df for a matched rational part; the
-    model of Example 4, whose rational part differs, is judged as well. So is a plant whose dead
-    time is a little longer, by encirclements, and filters made for the matched models.
-    """
+def _not_matching() -> Finding:
     filters = [LowPassFilter(lam, n) for n in (2, 3, 4) for lam in (0.01, 0.1, 1.0)]
     plants = [example(which).process for which in (2, 3)]
-    matched = [
-        NRDOB(plant, plant, 0.1, each).stability().observer_loop.stable
-        for plant in plants
-        for each in filters
-    ]
+    matched = [NRDOB(plant, plant, 0.1, F) for plant, F in product(plants, filters)]
     D, delay = [1.0, 4.0, 4.0], example(4).delay  # and the numerators of Example 4 are 1
     delayed = [
         (QuasiPolynomial(np.polymul(D, each.den), np.polysub(Dm, D), delay), each)
-        for Dm in (D, [1.0, 4.0, 3.75])
-        for each in filters
+        for Dm, each in product((D, [1.0, 4.0, 3.75]), filters)
     ]
     late = [judge("", [QuasiPolynomial(each.den)], p).stable for p, each in delayed]
     made = [
         NRDOB(plant, plant, 0.1, interpolating_filter(plant, lam))
-        for plant in plants
-        for lam in (0.01, 0.1, 1.0)
+        for plant, lam in product(plants, (0.01, 0.1, 1.0))
     ]
     as_one = [loop.stability().observer_loop.stable is True for loop in made]
     lost = [_lost_to_a_wrong_delay(times * 0.001) for times in (3.0, 3.1)]
@@ -70,7 +58,7 @@ def not_matching() -> Finding:
         p.delay == 0 and np.allclose(p.q, np.polymul(D, each.den))
         for p, each in delayed[: len(filters)]
     )
-    fails = [verdict is False for verdict in matched]
+    fails = [loop.stability().observer_loop.stable is False for loop in matched]
     works = [verdict is True for verdict in late]
     return Finding(
         every(fails) and not any(works),
@@ -102,8 +90,7 @@ REFERENCE_2 = (
 
 
 @SECTION.check("ref02.year")
-def year() -> Finding:
-    """Read the year out of the printed DOI, and compute it from the printed volume."""
+def _year() -> Finding:
     found = re.search(r", (\d+) \(\d+\).*\.(\d{4})\.\d+\], (\d{4})$", REFERENCE_2)
     if not found:
         return Finding(False, "the reference cannot be read")

@@ -21,7 +21,6 @@ from .recurring import (
     filtered,
     inverse_degree,
     map_text,
-    no_turn_finding,
     npz,
     performance_finding,
     section,
@@ -36,11 +35,7 @@ SECTION = section("examples12")
 
 
 @SECTION.check("ex1.F")
-def any_stable_filter() -> Finding:
-    """Try 32 low-pass filters and four with zeros or resonance: p_B must be N·D·Df, and stable.
-
-    A filter that is unstable, or too flat for the model, must be refused.
-    """
+def _any_stable_filter() -> Finding:
     loop = example(1)
     filters = [LowPassFilter(lam, n) for n in (1, 2, 3, 4) for lam in np.geomspace(1e-3, 1e3, 8)]
     others = [
@@ -68,8 +63,7 @@ def any_stable_filter() -> Finding:
 
 
 @SECTION.check("ex1.causal")
-def causal() -> Finding:
-    """Measure the relative degree of F/Gm by its size at two high frequencies, n = 1 and 2."""
+def _causal() -> Finding:
     first, second = (inverse_degree(filtered(example(1), 0.01, order)) for order in (1, 2))
     return Finding(
         second >= 0,
@@ -79,8 +73,7 @@ def causal() -> Finding:
 
 
 @SECTION.check("fig02")
-def figure_2() -> Finding:
-    """Compare the ends with the maps at s = 0, and S_d with (1 + t/λ) exp(−t/λ) at all times."""
+def _figure_2() -> Finding:
     loop = example(1)
     found = loop.step_response("d")
     scaled = found.time / loop.filter.time_constant
@@ -91,12 +84,7 @@ def figure_2() -> Finding:
 
 
 @SECTION.check("ex1.responses_prove")
-def responses_prove() -> Finding:
-    """Set beside Example 1 two loops with four bounded responses of y and a hidden unstable mode.
-
-    One hides a root of p_A (the controller's zero on the model's unstable pole), one a root of p_B
-    (a matched plant with a zero in the right half plane).
-    """
+def _responses_prove() -> Finding:
     first = example(1)
     plant, C = ([-1, 1], [1, 2, 1]), ([1, -1], [1, 3, 0])
     in_model_loop = NRDOB(([-0.5], [1, 1]), ([1], [1, -1]), C, LowPassFilter(1.0, 1))
@@ -125,8 +113,7 @@ def responses_prove() -> Finding:
 
 
 @SECTION.check("fig03")
-def good_model() -> Finding:
-    """Find the largest errors of gain and phase, and the largest |H|, below 20 rad/s."""
+def _good_model() -> Finding:
     loop = example(2)
     omega = np.linspace(0, 20, 2001)
     ratio, mismatch = loop.ratio(1j * omega), np.abs(loop.H(1j * omega))
@@ -140,8 +127,7 @@ def good_model() -> Finding:
 
 
 @SECTION.check("ex2.H")
-def mismatch_2() -> Finding:
-    """Divide out what plant and model share, and look at what is left; compare the DC gains."""
+def _mismatch_2() -> Finding:
     loop = example(2)
     left = loop.H.to_tf()
     holds = (
@@ -158,8 +144,7 @@ def mismatch_2() -> Finding:
 
 
 @SECTION.check("fig05")
-def figure_5() -> Finding:
-    """Follow the angle of 1 + H along the axis and the closing arc; count its zeros, too."""
+def _figure_5() -> Finding:
     H = example(2).H
     radius = 1e8
     line = _turns(H, 1j * radius * np.linspace(-1, 1, 100_001))
@@ -183,8 +168,7 @@ def _turns(loop: Quotient, s: ComplexArray) -> float:
 
 
 @SECTION.check("ex2.slow")
-def slow_enough() -> Finding:
-    """Find the border for n = 1 to 4 in closed form, and judge 12 time constants on either side."""
+def _slow_enough() -> Finding:
     loop, zero = example(2), 100.0
 
     def smallest(n: int) -> float:
@@ -202,8 +186,7 @@ def slow_enough() -> Finding:
 
 
 @SECTION.check("eq10")
-def filter_2() -> Finding:
-    """Judge F·H by encirclements and by roots; see how fast F/Gm falls."""
+def _filter_2() -> Finding:
     loop = example(2)
     part = loop.stability().observer_loop
     degree = inverse_degree(loop)
@@ -213,15 +196,8 @@ def filter_2() -> Finding:
     )
 
 
-@SECTION.check("fig06")
-def figure_6() -> Finding:
-    """Count the encirclements, and find the largest |FH|."""
-    return no_turn_finding(example(2))
-
-
 @SECTION.check("ex2.variation")
-def variation_2() -> Finding:
-    """Compare zeros, poles and DC gains of the two plants."""
+def _variation_2() -> Finding:
     before, after = (loop.G.dc_gain for loop in both(2))
     found = variation_finding(2, "zero", lambda loop: loop.G.numerator.roots[0].real, 0.8)
     return replace(
@@ -239,8 +215,7 @@ def swings(loop: NRDOB, input: str, size: float) -> int:
 
 
 @SECTION.check("ex2.performance")
-def performance_2() -> Finding:
-    """Compare excursions and sensitivity peaks before and after; "kept" means within 10 %."""
+def _performance_2() -> Finding:
     found = performance_finding(2, times=2.0)
     before, after = (swings(loop, "d", 0.1) for loop in both(2))
     rings = {"S_d rings, as it did not before": before == 0 and after >= 3}
@@ -248,12 +223,7 @@ def performance_2() -> Finding:
 
 
 @SECTION.check("ex2.family")
-def family_2() -> Finding:
-    """Judge 441 plants between the nominal and the modified one, and the corners by encirclements.
-
-    By Routh's condition for p_B divided by what plant and model share, λ(2λ − 1/z) + T(3λ − 2/z)
-    must be positive, which it is for every lag T if z > 2/(3λ).
-    """
+def _family_2() -> Finding:
     loop, lam = example(2), 0.025
     plants = plant_family(loop.process, zeros=(0.8, 1.2), lag=(0.0, 0.1), grid=21)
     table = sweep(loop, plants, "stable")
@@ -269,8 +239,7 @@ def family_2() -> Finding:
 
 
 @SECTION.check("ex2.nmp")
-def non_minimum_phase() -> Finding:
-    """Find the zeros of both plants, and judge both loops by encirclements and roots."""
+def _non_minimum_phase() -> Finding:
     loops = both(2)
     zeros = [loop.G.to_tf().zeros().real[0] for loop in loops]
     return Finding(

@@ -8,22 +8,18 @@ found; a claim whose check has not run, or did not find what the ledger says, ha
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from enum import StrEnum
 from textwrap import TextWrapper
-from typing import Any
 
 __all__ = [
-    "RECURS", "WIDTH", "Amendment", "Check", "Claim", "Entry", "Finding", "LedgerError", "Section",
-    "Verdict", "collect", "settle",
+    "WIDTH", "Amendment", "Check", "Claim", "Entry", "Finding", "LedgerError", "Section", "Verdict",
+    "settle",
 ]  # fmt: skip
 
 WIDTH = 95
 """Characters to a line of a printed entry: what a page of the book is wide."""
-
-RECURS = "recurs"
-"""Key of the texts whose check is one of several alike, with what it needs to know."""
 
 
 class Verdict(StrEnum):
@@ -109,8 +105,10 @@ class Claim:
         Notebook that shows it, without ".ipynb".
     amendment : Amendment or None
         What is true instead, for a statement that does not hold as printed.
+    method : str
+        How the claim is checked, in words.
     check : callable
-        Computes the `Finding`; its docstring tells how.
+        Computes the `Finding`.
     """
 
     id: str
@@ -119,12 +117,8 @@ class Claim:
     printed: str
     chapter: str
     amendment: Amendment | None
+    method: str
     check: Check = field(repr=False)
-
-    @property
-    def method(self) -> str:
-        """How the claim is checked, in words."""
-        return " ".join((self.check.__doc__ or "").split())
 
 
 @dataclass(frozen=True)
@@ -186,14 +180,14 @@ def settle(claim: Claim) -> Entry:
 class Section:
     """The claims of one part of the paper, in its order: their texts, and a check for each.
 
-    The texts stand by id: chapter, place, says and, where there are any, printed; for what does not
-    hold as printed the verdict and what is true instead. `recurs` is for `recurring.section`.
+    The texts stand by id: chapter, place, says, method and, where there are any, printed; for what
+    does not hold as printed the verdict and what is true instead.
 
     >>> part = Section({"sum": {"chapter": "chapter", "place": "p. 1", "says": "1 + 1 is 3",
-    ...     "printed": "3", "verdict": "corrected", "instead": "1 + 1 is 2"}})
+    ...     "printed": "3", "method": "Count on fingers.", "verdict": "corrected",
+    ...     "instead": "1 + 1 is 2"}})
     >>> @part.check("sum")
     ... def check() -> Finding:
-    ...     '''Count on fingers.'''
     ...     return Finding(1 + 1 == 3, "2", conditions={"1 + 1 is 2": 1 + 1 == 2})
     >>> settle(part.claims[0])
     sum, p. 1
@@ -203,7 +197,7 @@ class Section:
       instead:   1 + 1 is 2
     """
 
-    def __init__(self, texts: Mapping[str, Mapping[str, Any]]) -> None:
+    def __init__(self, texts: Mapping[str, Mapping[str, str]]) -> None:
         self.texts = texts
         self._entered: dict[str, Claim] = {}
 
@@ -213,8 +207,8 @@ class Section:
             raise ValueError(f"there is no text for the claim {id!r}; write it beside the others")
         if id in self._entered:
             raise ValueError(f"two checks have the id {id!r}; rename one")
-        said = {key: text for key, text in self.texts[id].items() if key != RECURS}
-        text = {"printed": ""} | {key: " ".join(said[key].split()) for key in said} | known
+        said = {key: " ".join(text.split()) for key, text in self.texts[id].items()}
+        text = {"printed": ""} | said | known
         verdict, instead = text.pop("verdict", ""), text.pop("instead", "")
         amendment = Amendment(Verdict(verdict), instead) if verdict else None
 
@@ -230,19 +224,3 @@ class Section:
         if missing := [id for id in self.texts if id not in self._entered]:
             raise ValueError(f"no check for {', '.join(missing)}; write one below @SECTION.check")
         return [self._entered[id] for id in self.texts]
-
-
-def collect(sections: Iterable[Section]) -> dict[str, Claim]:
-    """Put the claims of all sections into one ledger, in the order given.
-
-    No two have the same id: it must be known which one a chapter cites.
-    """
-    ledger: dict[str, Claim] = {}
-    for claim in (claim for section in sections for claim in section.claims):
-        if claim.id in ledger:
-            raise ValueError(
-                f"two claims have the id {claim.id!r}: that of {ledger[claim.id].place} "
-                f"and that of {claim.place}; rename one"
-            )
-        ledger[claim.id] = claim
-    return ledger

@@ -44,11 +44,7 @@ _s = ct.tf("s")
 
 
 @SECTION.check("eq07.E_R")
-def reference_to_error() -> Finding:
-    """Solve the diagram with R alone at random values; compare e with the printed formula.
-
-    The formula is compared with 1/(1 + C Gm), too.
-    """
+def _reference_to_error() -> Finding:
     finding = printed_map("E_R")
     v = Values.random(7)
     collapses = same(PRINTED_MAPS["E_R"](v), 1 / (1 + v.CGm))
@@ -61,8 +57,7 @@ def reference_to_error() -> Finding:
 
 
 @SECTION.check("eq07.E_zero")
-def the_error_sees_no_disturbance() -> Finding:
-    """Solve the diagram with δ, d and η at random values; compare e with the other signals."""
+def _the_error_sees_no_disturbance() -> Finding:
     v = Values.random(7)
     solved = [v.solve(delta=1.0), v.solve(d=1.0), v.solve(eta=1.0)]
     zero = np.array([np.abs(x.e) < EXACT * (np.abs(x.u) + np.abs(x.y)) for x in solved])
@@ -74,8 +69,7 @@ def the_error_sees_no_disturbance() -> Finding:
 
 
 @SECTION.check("eq07.U_d")
-def output_disturbance_to_control() -> Finding:
-    """Solve the diagram with d alone, then η alone; compare u with the printed formula."""
+def _output_disturbance_to_control() -> Finding:
     by_d, by_eta = printed_map("U_d"), printed_map("U_eta")
     return replace(
         by_d,
@@ -85,8 +79,7 @@ def output_disturbance_to_control() -> Finding:
 
 
 @SECTION.check("eq07.U_delta")
-def input_disturbance_to_control() -> Finding:
-    """Solve the diagram with δ alone at random values; compare u and u + δ with the formulas."""
+def _input_disturbance_to_control() -> Finding:
     v = Values.random(7)
     u = v.solve(delta=1.0).u
     printed = PRINTED_MAPS["U_delta"](v)
@@ -109,22 +102,16 @@ def input_disturbance_to_control() -> Finding:
 
 
 @SECTION.check("lemma1.polynomials")
-def rational_functions_not_polynomials() -> Finding:
-    """Follow A, and B in its first form, from s = 3 to 10⁹: a polynomial is constant or grows.
-
-    Diagram, p_A and p_B are compared at random points; the eigenvalues of a state space of the
-    whole diagram with the roots of the product, as polynomials.
-    """
+def _rational_functions_not_polynomials() -> Finding:
     loops = many_loops()
     near, far = np.array([3.0 + 0j]), np.array([1e9 + 0j])
     grows, starts, ends = [], [], []
     for loop in loops:
         here, there = Values.of(loop, near), Values.of(loop, far)
-        a, a_far = abs(1 + here.CGm[0]), abs(1 + there.CGm[0])
-        b, b_far = abs(here.B[0]), abs(there.B[0])
-        grows += [same(a, a_far) or a_far > 1e6 * a, same(b, b_far) or b_far > 1e6 * b]
-        starts.append(a)
-        ends.append(a_far)
+        starts.append(abs(1 + here.CGm[0]))
+        ends.append(abs(1 + there.CGm[0]))
+        pairs = (starts[-1], ends[-1]), (abs(here.B[0]), abs(there.B[0]))
+        grows += [same(size, later) or later > 1e6 * size for size, later in pairs]
     return Finding(
         every(grows),
         f"Examples 1 to 4: from s = 3 to 10⁹ the size of A goes from {numbers(starts[:4])} to "
@@ -158,8 +145,7 @@ def _modes_are_the_roots(loop: NRDOB) -> bool:
 
 
 @SECTION.check("lemma1.forms")
-def three_forms_of_b() -> Finding:
-    """Compare the forms at random values, at the roots of p_B, and for G = Gm = (1 − s)/(s + 2)."""
+def _three_forms_of_b() -> Finding:
     v = Values.random(7)
     second = 1 + v.F * (v.G / v.Gm - 1)
     loops = [loop for loop in many_loops() if not loop.delay]
@@ -198,13 +184,11 @@ def _vanishes_at_roots(loop: NRDOB) -> bool:
 
 
 @SECTION.check("lemma1.H_forms")
-def three_forms_of_h() -> Finding:
-    """Compare the three at random values of the blocks, and on loops with the package's H."""
+def _three_forms_of_h() -> Finding:
     rng = np.random.default_rng(7)
     loops = many_loops()
     v = Values.random(rng)
-    points = [random_points(rng) for _ in loops]
-    pairs = zip(loops, points, strict=True)
+    pairs = [(loop, random_points(rng)) for loop in loops]
     agree = [_h_forms_agree(Values.of(loop, s), loop.H(s)) for loop, s in pairs]
     return Finding(
         _h_forms_agree(v, v.H) and every(agree),
@@ -222,14 +206,7 @@ def _h_forms_agree(v: Values, H: ComplexArray) -> bool:
 
 
 @SECTION.check("lemma1.sufficient")
-def what_lemma_1_does_not_see() -> Finding:
-    """Compare zeros of A and B after cancellation with the modes of the whole diagram, twice.
-
-    On 60 random loops the modes and the roots of p_A and p_B must give the same verdict. The modes
-    are eigenvalues of a state space in which every block is realised by itself. An unstable F
-    under which p_B is Hurwitz must have an unstable mode, and Example 2 with n = 1, λ = 0.01 s
-    be ill-posed.
-    """
+def _what_lemma_1_does_not_see() -> Finding:
     unstable = 4 / (2 - _s - _s**2)
     in_b = NRDOB(unstable, unstable, -2.0, LowPassFilter(0.05, 2))
     in_a = NRDOB(-1 / (_s + 1), 1 / (_s - 1), (_s - 1) / (_s * (_s + 3)), LowPassFilter(2.0, 1))
@@ -246,9 +223,8 @@ def what_lemma_1_does_not_see() -> Finding:
     # An unstable F = 1/(1 − 0.1s), for G = −Gm = −1/(s + 1).
     one, lag, den = np.ones(1), np.array([1.0, 1.0]), np.array([-0.1, 1.0])
     p_b = np.polysub(np.convolve(lag, np.polysub(den, one)), lag)
-    by_filter = modes(
-        *(Fraction(*block) for block in ((-one, lag), (one, lag), (one, one), (one, den)))
-    )
+    blocks = (-one, lag), (one, lag), (one, one), (one, den)
+    by_filter = modes(*(Fraction(*block) for block in blocks))
     ill_posed = replace(example(2), filter=LowPassFilter(0.01, 1))
     return Finding(
         every((value < 0) <= (mode < 0) for value, mode in zip(seen, true, strict=True)),
@@ -290,24 +266,17 @@ def _is_pole(loop: NRDOB, root: complex) -> bool:
 
 
 def _poles_and_zeros(loop: NRDOB) -> ComplexArray:
-    """Poles of G and zeros of Gm."""
     return np.concatenate([loop.G.denominator.roots, loop.Gm.numerator.roots])
 
 
 @SECTION.check("lemma1.H_poles")
-def poles_of_the_mismatch() -> Finding:
-    """Approach every pole of G and every zero of Gm, in Examples 1 to 3 and in random loops.
-
-    It is a pole of H if |H| grows like one over the distance. Where one has cancelled, p_B must
-    vanish.
-    """
+def _poles_of_the_mismatch() -> Finding:
     before, after, stay = [], [], []
     for loop in map(example, (1, 2, 3)):
-        roots = _poles_and_zeros(loop)
+        roots, p_B = _poles_and_zeros(loop), loop.p_B
         gone = [root for root in roots if not _is_pole(loop, root)]
         before.append(roots.size)
         after.append(roots.size - len(gone))
-        p_B = loop.p_B
         stay += [abs(p_B(root)) <= EXACT * np.polyval(p_B.scale, abs(root)) for root in gone]
     loops = random_loops(20) + random_loops(10, delayed=True)
     poles = [_is_pole(loop, root) for loop in loops for root in _poles_and_zeros(loop)]
@@ -324,13 +293,7 @@ def poles_of_the_mismatch() -> Finding:
 
 
 @SECTION.check("lemma1.N_p")
-def turns_that_condition_ii_needs() -> Finding:
-    """Follow 1 + FH point by point and count encirclements; compare with the roots of p_B.
-
-    Random loops with and without dead time, a plant with an integrator, G = Gm = 1/s with every
-    factor kept and with blocks built as one, a filter that is zero on the axis, and
-    G = Gm = 4/(2 − s − s²), for which a count after cancellation would call the loop stable.
-    """
+def _turns_that_condition_ii_needs() -> Finding:
     rational = random_loops(80)
     delayed = [loop for loop in random_loops(40, delayed=True) if not any(loop.FH.at_infinity)]
     integrating = NRDOB(1 / _s, 1 / (_s + 0.1), 2.0, LowPassFilter(0.05, 1))

@@ -52,21 +52,16 @@ def _observer(ratio: Any, model: Any, time_constant: float, order: int) -> NRDOB
 
 
 @SECTION.check("sec3.rhp_zeros")
-def a_zero_that_no_filter_survives() -> Finding:
-    """Try H = 4(s − 1)/(s − 2) with 21 λ and n = 1 to 4, and the same with its zero at −1.
-
-    Parity proves it for all: B is 1 at the zero s = 1, whatever the filter, and the pole of H at
-    s = 2 is one of B. So p_B is negative at 1 and positive at 2, with a root in between.
-    """
+def _a_zero_that_no_filter_survives() -> Finding:
     with_zero, without = 1 + 4 * (_s - 1) / (_s - 2), 1 + 4 * (_s + 1) / (_s - 2)
     model = 1 / (_s + 1)
     tried = list(product(np.geomspace(1e-3, 1e3, 21), (1, 2, 3, 4)))
-    counts, parity, saved = [], [], []
-    for value, order in tried:
-        loop = _observer(with_zero, model, value, order)
-        counts.append(in_right_half(loop.p_B.q))
-        parity.append(same(1 + loop.FH(1.0), 1) and loop.p_B(1.0).real < 0 < loop.p_B(2.0).real)
-        saved.append(in_right_half(_observer(without, model, value, order).p_B.q) == 0)
+    loops = [_observer(with_zero, model, *filter) for filter in tried]
+    counts = [in_right_half(loop.p_B.q) for loop in loops]
+    parity = [
+        same(1 + loop.FH(1.0), 1) and loop.p_B(1.0).real < 0 < loop.p_B(2.0).real for loop in loops
+    ]
+    saved = [in_right_half(_observer(without, model, *each).p_B.q) == 0 for each in tried]
     return Finding(
         min(counts) > 0 and any(saved) and every(parity),
         f"H = 4(s − 1)/(s − 2): {min(counts)} or more roots in the right half plane for all "
@@ -76,11 +71,7 @@ def a_zero_that_no_filter_survives() -> Finding:
 
 
 @SECTION.check("sec3.Z_H")
-def zeros_of_the_mismatch() -> Finding:
-    """See whether the plot meets +1 in the examples; count both sides on random loops.
-
-    Turns are followed point by point, without and with the arc, zeros are roots of N Dm − D Nm.
-    """
+def _zeros_of_the_mismatch() -> Finding:
     meets = [_meets_plus_one(example(which).ratio) for which in EXAMPLES]
     loops = [loop for loop in random_loops(60) if not _meets_plus_one(loop.ratio)]
     agree, improper = [], 0
@@ -115,12 +106,7 @@ def _meets_plus_one(ratio: Quotient) -> bool:
 
 
 @SECTION.check("sec3.slow_filter_always")
-def slowing_the_filter_down() -> Finding:
-    """Slow the filter down for two H with one clockwise encirclement, and for random loops.
-
-    G/Gm = (s − 1)/(s + 1) has the wrong sign at low frequency; 10(1 − s/100)/(1 + s/100) is too
-    large for n = 3. On random loops the roots of p_B for λ = 10⁵ s are compared with the rule.
-    """
+def _slowing_the_filter_down() -> Finding:
     tried = np.geomspace(1e-2, 1e5, 29)
     model = 1 / (_s + 1)
     cases = [((_s - 1) / (_s + 1), 1), (10 * (1 - 0.01 * _s) / (1 + 0.01 * _s), 3)]
@@ -149,12 +135,7 @@ def slowing_the_filter_down() -> Finding:
 
 
 @SECTION.check("sec3.no_turns_no_filter")
-def turns_of_h_alone() -> Finding:
-    """Count the encirclements by H (with its arc) and the roots of p_B for n = 2, λ = 0.1 s.
-
-    For the converse 81 λ from 0.1 ms to 10⁴ s are tried, and Routh's conditions for the quartic
-    (s − 1)((λs + 1)³ − 1) + 10(s + 1) computed: they ask for λ < 1 and for 3λ² > 9λ + 1 at once.
-    """
+def _turns_of_h_alone() -> Finding:
     plant = -(1 - 0.01 * _s) / ((_s - 1) * (_s + 2))
     first = NRDOB(plant, -1 / ((_s + 1) * (_s + 2)), 0.0, LowPassFilter(0.1, 2))
     model = 1 / (_s + 1) ** 3
@@ -199,12 +180,7 @@ def _routh(F: LowPassFilter) -> bool:
 
 
 @SECTION.check("sec3.three_dof")
-def three_blocks_two_freedoms() -> Finding:
-    """Replace the model by a random one, at random values; find F and C that undo it.
-
-    With all four inputs at once u and y must not change. The pair of filters of order 1 is
-    compared on loops.
-    """
+def _three_blocks_two_freedoms() -> Finding:
     rng = np.random.default_rng(9)
     v = Values.random(rng)
     G, Gm, C, F = v
@@ -255,8 +231,7 @@ def _normalised_loops() -> list[NRDOB]:
 
 
 @SECTION.check("sec3.H_zero")
-def equal_gains_at_zero() -> Finding:
-    """Draw 40 pairs of one order and gain; take H at s = 0 and follow it towards 0."""
+def _equal_gains_at_zero() -> Finding:
     loops = _normalised_loops()
     small = np.array([np.abs(loop.H(1j * np.array([1e-3, 1e-6]))) for loop in loops])
     at_zero = [abs(loop.H.dc_gain) < EXACT for loop in loops]
@@ -270,11 +245,7 @@ def equal_gains_at_zero() -> Finding:
 
 
 @SECTION.check("sec3.M")
-def ratio_at_high_frequency() -> Finding:
-    """Draw 40 pairs of one order and gain; follow G/Gm to ω = 10⁹ rad/s.
-
-    Then scale the model's leading coefficient so that M = 1, and follow H.
-    """
+def _ratio_at_high_frequency() -> Finding:
     right, vanish = [], []
     for loop in _normalised_loops():
         G, Gm, *_ = loop.fractions
@@ -292,22 +263,15 @@ def ratio_at_high_frequency() -> Finding:
 
 
 @SECTION.check("sec3.speculation")
-def plots_of_small_mismatches() -> Finding:
-    """Follow Re H of a resonance that is 10 % off; find its critical λ by bisection.
-
-    40 random pairs with parameters within 1 % are exchanged. 8 random H with |H| below 0.96 are
-    tried with 5 λ and n up to 4.
-    """
-
+def _plots_of_small_mismatches() -> Finding:
     def resonant(time_constant: float) -> NRDOB:
         F = LowPassFilter(time_constant, 2)
         return NRDOB(resonance(0.9, 0.01), resonance(1.0, 0.01), 0.0, F)
 
     real = resonant(1.0).H(1j * np.linspace(0.5, 1.5, 4001)).real
-    fast, middle, slow = 0.01, 0.3, 100.0
     low, high = (
         float(np.exp(brentq(lambda x: rightmost(resonant(float(np.exp(x)))), *np.log(within))))
-        for within in ((fast, middle), (middle, slow))
+        for within in ((0.01, 0.3), (0.3, 100.0))
     )
     ends = (0.99 * low, 1.01 * low, 0.99 * high, 1.01 * high)
     exchanged, left = _exchanged()
@@ -359,12 +323,7 @@ def _small_mismatches() -> Iterator[bool]:
 
 
 @SECTION.check("sec3.any_bandwidth")
-def right_half_plane_mismatch() -> Finding:
-    """Take two H with a nonnegative real part and find roots of p_B in the right half plane.
-
-    The border for n = 3 is found by bisection. Then 12 random sums of positive real terms are
-    tried with n = 1 and 9 λ.
-    """
+def _right_half_plane_mismatch() -> Finding:
     model = 1 / (_s + 1)
     hump, step = 10 * _s / ((_s + 0.01) * (_s + 1)), 49 * _s / (_s + 1)
     second = [_observer(1 + hump, model, value, 2) for value in (1e-3, 1.0, 1e3)]

@@ -5,8 +5,10 @@ from __future__ import annotations
 import tomllib
 from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 from importlib.resources import files
 from math import isfinite
+from typing import Any
 
 import numpy as np
 from scipy.optimize import brentq
@@ -18,11 +20,11 @@ from nrdob.numerics import FloatArray, number
 from nrdob.paper import PRINTED, PRINTED_FUNCTIONS, Printed, example
 from nrdob.plotting import complex_number, frequency, spoken
 
-from .ledger import RECURS, Finding, Section
+from .ledger import Finding, Section
 from .signals import printed_map
 
 __all__ = [
-    "OMEGA", "border", "both", "filtered", "inverse_degree", "map_text", "no_turn_finding",
+    "OMEGA", "border", "both", "filtered", "inverse_degree", "map_text",
     "npz", "npz_text", "performance_finding", "printed_text", "section", "steps_finding",
     "variation_finding",
 ]  # fmt: skip
@@ -31,12 +33,6 @@ OMEGA = np.geomspace(1e-3, 1e5, 4001)
 """Frequencies on which a statement about all frequencies is tried, rad/s."""
 
 _LOOPS = {"CGm": ("model_loop", r"$C\tilde G$"), "FH": ("observer_loop", "$FH$")}
-_METHOD = {
-    ("pm", True): "Compute the margin; the loop gain, rotated by it, must meet −1.",
-    ("pm", False): "Compute the margin; the loop gain must stay inside the unit circle on a grid.",
-    ("gm", True): "Compute the margin; the loop gain, multiplied by it, must meet −1.",
-    ("gm", False): "Compute the margin; the loop gain must not cross the negative real axis.",
-}
 _FINAL = {"R": 1.0, "d": 0.0, "delta": 0.0, "eta": -1.0}
 """Where y should end after a unit step at each input."""
 
@@ -75,33 +71,31 @@ def npz_text(count: NyquistCount | LoopStability) -> str:
 # Printed margins.
 
 
-def _margin(section: Section, id: str) -> None:
-    """Enter the claim that a margin has the value that the paper prints."""
+def _margin_texts(id: str) -> dict[str, str]:
     which, loop_name, kind = id.split(".")
-    attribute, name = _LOOPS[loop_name]
-    word, printed = "phase" if kind == "pm" else "gain", PRINTED[id]
-    finite = isfinite(printed.value)
-    digits = f"{printed.value:.{printed.digits}f}".replace("-", "−")
-    value = digits + _unit(printed) if finite else "∞"
-    said = f"is {value}" if finite else "tends to infinity"
+    printed, word = PRINTED[id], "phase" if kind == "pm" else "gain"
+    value, said = "∞", "tends to infinity"
+    if finite := isfinite(printed.value):
+        digits = f"{printed.value:.{printed.digits}f}".replace("-", "−")
+        value = digits + _unit(printed)
+        said = f"is {value}"
+    return {
+        "place": printed.place,
+        "says": f"In Example {which[2:]} the {word} margin of {_LOOPS[loop_name][1]} {said}.",
+        "printed": value,
+        "method": _METHODS[f"margin, {kind}{'' if finite else ', infinite'}"],
+    }
 
-    @section.check(
-        id,
-        place=printed.place,
-        says=f"In Example {which[2:]} the {word} margin of {name} {said}.",
-        printed=value,
-    )
-    def check() -> Finding:
-        loop = example(int(which[2:]))
-        margins: Margins = getattr(loop.margins(), attribute)
-        gain: Quotient = getattr(loop, loop_name)
-        computed = margins.pm if kind == "pm" else margins.gm_db
-        confirmed, text = _phase(gain, margins) if kind == "pm" else _gain(gain, margins)
-        allowed = f"±{0.5 * 10.0**-printed.digits:g}{_unit(printed)}"
-        right = PRINTED[id].agrees_with(computed) and confirmed
-        return Finding(right, text, allowed if isfinite(computed) else "")
 
-    check.__doc__ = _METHOD[kind, finite]
+def _margin(id: str) -> Finding:
+    which, loop_name, kind = id.split(".")
+    loop, printed = example(int(which[2:])), PRINTED[id]
+    margins: Margins = getattr(loop.margins(), _LOOPS[loop_name][0])
+    gain: Quotient = getattr(loop, loop_name)
+    computed = margins.pm if kind == "pm" else margins.gm_db
+    confirmed, text = _phase(gain, margins) if kind == "pm" else _gain(gain, margins)
+    allowed = f"±{0.5 * 10.0**-printed.digits:g}{_unit(printed)}" if isfinite(computed) else ""
+    return Finding(printed.agrees_with(computed) and confirmed, text, allowed)
 
 
 def _unit(printed: Printed) -> str:
@@ -128,20 +122,6 @@ def _gain(gain: Quotient, margins: Margins) -> tuple[bool, str]:
         return not crosses.any(), f"∞: {spoken(gain.name)} is real and negative at {where}"
     meets = abs(complex(gain(1j * margins.wpc)) * margins.gm + 1) < 1e-9
     return meets, f"{number(margins.gm_db, 5)} dB {frequency(margins.wpc)}"
-
-
-# Controllers.
-
-
-def _controller(section: Section, id: str, which: int) -> None:
-    """Enter the claim that a printed controller stabilises the model."""
-
-    @section.check(id)
-    def check() -> Finding:
-        """Count the encirclements by C·Gm and find the roots of p_A."""
-        part = example(which).stability().model_loop
-        rightmost = complex_number(part.rightmost)
-        return Finding(part.stable is True, f"{npz_text(part)}; p_A rightmost {rightmost}")
 
 
 # Printed transfer functions.
@@ -189,32 +169,10 @@ def _polynomial_text(coefficients: FloatArray) -> str:
     return text
 
 
-def _map(section: Section, id: str, input: str, signal: str) -> None:
-    """Enter the claim that a map between two signals has the formula that the paper prints."""
-
-    @section.check(id)
-    def check() -> Finding:
-        return printed_map(id.partition(".")[2])
-
-    check.__doc__ = (
-        f"Solve the diagram with {input} alone at random values; compare {signal} with "
-        "the printed formula."
-    )
-
-
-def _function(section: Section, id: str, which: int, printed_as: str) -> None:
-    """Enter the claim that a map is the transfer function that the paper prints."""
-    place = PRINTED_FUNCTIONS[printed_as].place
-
-    @section.check(id, place=place, printed=printed_text(printed_as))
-    def check() -> Finding:
-        """Compare with the printed one on a grid of the right half plane; cancel to show it."""
-        computed: Quotient = getattr(example(which), printed_as.split(".")[1])
-        return Finding(
-            PRINTED_FUNCTIONS[printed_as].agrees_with(computed),
-            map_text(computed),
-            "relative difference below 1e−10",
-        )
+def _function(id: str, which: int, printed_as: str) -> Finding:
+    computed: Quotient = getattr(example(which), printed_as.split(".")[1])
+    right = PRINTED_FUNCTIONS[printed_as].agrees_with(computed)
+    return Finding(right, map_text(computed), "relative difference below 1e−10")
 
 
 # Encirclements and step responses.
@@ -276,29 +234,49 @@ def steps_finding(loop: NRDOB) -> Finding:
     )
 
 
-def _steps(section: Section, id: str, which: int, modified: bool) -> None:
-    """Enter the claim of a figure of step responses."""
-
-    @section.check(id)
-    def check() -> Finding:
-        """Judge stability by encirclements and roots; compare four ends with the maps at s = 0."""
-        return steps_finding(example(which, modified))
+# The checks that recur, by their kind.
 
 
-KINDS: dict[str, Callable[..., None]] = {
-    "margin": _margin, "controller": _controller, "map": _map, "function": _function,
-    "steps": _steps,
-}  # fmt: skip
+def _controller(id: str, which: int) -> Finding:
+    part = example(which).stability().model_loop
+    rightmost = complex_number(part.rightmost)
+    return Finding(part.stable is True, f"{npz_text(part)}; p_A rightmost {rightmost}")
+
+
+KINDS: dict[str, Callable[..., Finding]] = {
+    "margin": _margin,
+    "controller": _controller,
+    "map": lambda id, input, signal: printed_map(id.partition(".")[2]),
+    "function": _function,
+    "steps": lambda id, which, modified: steps_finding(example(which, modified)),
+    "no_turn": lambda id, which: no_turn_finding(example(which)),
+    "performance": lambda id, which, times: performance_finding(which, times),
+}
+
+
+def _texts(name: str) -> dict[str, Any]:
+    return tomllib.loads(files(__package__).joinpath(f"{name}.toml").read_text("utf-8"))
+
+
+_METHODS = _texts("recurring")
 
 
 def section(name: str) -> Section:
     """Read the texts of a part of the paper, name.toml, and enter the checks that recur in it."""
-    texts = tomllib.loads(files(__package__).joinpath(f"{name}.toml").read_text("utf-8"))
+    texts = _texts(name)
     chapter = {"chapter": texts.pop("chapter")}  # of those that name none
+    recurring = {id: text.pop("recurs") for id, text in texts.items() if "recurs" in text}
     found = Section({id: chapter | text for id, text in texts.items()})
-    for id, text in found.texts.items():
-        if recurs := dict(text.get(RECURS, {})):
-            KINDS[recurs.pop("kind")](found, id, **recurs)
+    for id, known in recurring.items():
+        kind, said = known.pop("kind"), {}
+        if kind in _METHODS:
+            said["method"] = _METHODS[kind].format(**known)
+        if kind == "margin":
+            said = _margin_texts(id)
+        if kind == "function":
+            said["place"] = PRINTED_FUNCTIONS[known["printed_as"]].place
+            said["printed"] = printed_text(known["printed_as"])
+        found.check(id, **said)(partial(KINDS[kind], id, **known))
     return found
 
 
@@ -316,11 +294,9 @@ def variation_finding(
     """Find whether the plant is modified by a factor on what is measured, and a pole at −10."""
     before, after = map(measure, both(which))
     poles = [np.sort(np.roots(loop.G.denominator.q).real) for loop in both(which)]
-    holds = np.isclose(after, factor * before) and np.allclose(
-        poles[1], [-10, *poles[0]], atol=1e-6
-    )
+    one_more = np.allclose(poles[1], [-10, *poles[0]], atol=1e-6)
     return Finding(
-        bool(holds),
+        bool(np.isclose(after, factor * before)) and one_more,
         f"{what} {number(before, 4)} → {number(after, 4)}{unit}; poles "
         f"{', '.join(number(p, 4) for p in poles[1])}",
     )
@@ -335,14 +311,11 @@ def performance_finding(which: int, times: float) -> Finding:
     stable = all(loop.stability().stable and comes_to_rest(loop) for loop in loops)
     tracks = abs(tracking[1] / tracking[0] - 1) < 0.1
     rejects = abs(rejection[1] - rejection[0]) < 0.1 and peak[1] < 1.1 * peak[0]
-    compared = {
-        "Ms": peak,
-        "lowest value of the response to d": rejection,
-        "peak of the response to R": tracking,
-    }
+    names = "Ms", "lowest value of the response to d", "peak of the response to R"
+    compared = zip(names, (peak, rejection, tracking), strict=True)
     return Finding(
         stable and tracks and rejects,
-        "; ".join(f"{name} {number(a, 4)} → {number(b, 4)}" for name, (a, b) in compared.items()),
+        "; ".join(f"{name} {number(a, 4)} → {number(b, 4)}" for name, (a, b) in compared),
         "kept: within 10 %",
         conditions={
             "both loops are stable, and their responses end where they should": stable,

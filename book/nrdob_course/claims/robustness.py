@@ -38,12 +38,7 @@ _s = ct.tf("s")
 
 
 @SECTION.check("lemma2.i")
-def margins_without_the_process() -> Finding:
-    """Neglect a lag of 0.1 s in Example 3; compare margins of C Gm and the verdict.
-
-    In Examples 2 to 4 the margins of C Gm must not change with the plant, nor those of L with C,
-    while those of C Gm do.
-    """
+def _margins_without_the_process() -> Finding:
     loop = example(3)
     process = 4 / ((2 - _s - _s**2) * (0.1 * _s + 1))
     lagging = replace(loop, process=process)
@@ -79,12 +74,7 @@ def _equal(one: Margins, other: Margins) -> bool:
 
 
 @SECTION.check("lemma2.ii")
-def margins_of_the_mismatch() -> Finding:
-    """Multiply the process by a gain, in Examples 2 to 4, and compare the verdict with both.
-
-    0.1 % inside and outside the range of L the loop must be stable and not stable; 0.1 % inside
-    the range of FH it should be stable, were this the range of the process.
-    """
+def _margins_of_the_mismatch() -> Finding:
     texts: list[str] = []
     inside: dict[str, list[bool]] = {"FH": [], "L": []}
     outside: list[bool] = []
@@ -117,11 +107,7 @@ def _with_gain(loop: NRDOB, gain: float) -> bool:
 
 
 @SECTION.check("cor1.stable")
-def perfect_models() -> Finding:
-    """Draw blocks that fulfil the three conditions; take the modes of the whole diagram.
-
-    p_B must be N D Df, coefficient by coefficient.
-    """
+def _perfect_models() -> Finding:
     rng = np.random.default_rng(29)
     stable: list[bool] = []
     factored: list[bool] = []
@@ -143,12 +129,7 @@ def perfect_models() -> Finding:
 
 
 @SECTION.check("cor1.necessary")
-def each_condition_dropped() -> Finding:
-    """Drop one condition at a time and take the modes of the whole diagram.
-
-    The rest of the conditions is checked in each case. An integrator and a zero at s = 0 stand for
-    poles and zeros on the axis.
-    """
+def _each_condition_dropped() -> Finding:
     one, F = np.ones(1), Fraction(np.ones(1), np.array([0.1, 1.0]))
     zero, poles = np.array([1.0, 3.0]), np.array([1.0, 3.0, 2.0])
     G, C = Fraction(zero, poles), Fraction(one, np.array([1.0, 0.0]))
@@ -183,22 +164,14 @@ def each_condition_dropped() -> Finding:
 
 
 @SECTION.check("cor1.robust")
-def margins_of_a_perfect_model() -> Finding:
-    """Compute the margins of L for matched loops with n = 1 to 6, and multiply the process by k.
-
-    Example 1 with its own C and with one twice as large, another process, and other λ must give
-    the same margins; 0.1 % below M_n the loop must be stable, above it must not.
-    """
+def _margins_of_a_perfect_model() -> Finding:
     first = example(1)
     other = 5 * (_s + 4) / ((_s + 1) * (_s + 2))
     limits, phases, same_margins, ends = [], [], [], []
     for order in range(1, 7):
         own = replace(first, model=first.process, filter=LowPassFilter(0.01, order))
-        loops = [
-            own,
-            replace(own, controller=2 * own.controller),
-            NRDOB(other, other, 1 / _s, LowPassFilter(0.3, order)),
-        ]
+        louder = replace(own, controller=2 * own.controller)
+        loops = [own, louder, NRDOB(other, other, 1 / _s, LowPassFilter(0.3, order))]
         margins = [loop.margins().plant_loop for loop in loops]
         limits.append(margins[0].gm_high)
         phases.append(margins[0].pm)

@@ -56,12 +56,7 @@ def _noise_powers(loop: NRDOB, time_constant: float) -> FloatArray:
 
 
 @SECTION.check("sec1.dob_noise")
-def conventional_observer_and_noise() -> Finding:
-    """Solve both diagrams of Example 1 and integrate the noise at y over all frequencies.
-
-    The NR-DOB wins against C alone beyond one λ, which is found by bisection; λ from 0.01 to 20 s
-    are tried. That the response to R does not depend on F is tried on random values of the blocks.
-    """
+def _conventional_observer_and_noise() -> Finding:
     loop = example(1)
     nr, conventional, alone = _noise_powers(loop, loop.filter.time_constant)
 
@@ -96,11 +91,7 @@ def conventional_observer_and_noise() -> Finding:
 
 
 @SECTION.check("fig01")
-def one_diagram() -> Finding:
-    """Solve the diagram's three linear equations, for each input alone, at random values.
-
-    All nine printed formulas are compared with the same three equations.
-    """
+def _one_diagram() -> Finding:
     v = Values.random(1)
     agreeing = [name for name, formula in PRINTED_MAPS.items() if same(formula(v), v.map(name))]
     return Finding(
@@ -112,12 +103,7 @@ def one_diagram() -> Finding:
 
 
 @SECTION.check("eq01.causal")
-def a_causal_choice_of_the_order() -> Finding:
-    """Take random models; see whether |F/Gm| still grows from ω = 10⁵ to 10⁶ rad/s.
-
-    It must not from the relative degree of the model on, it must below, and there the package
-    must refuse the loop.
-    """
+def _a_causal_choice_of_the_order() -> Finding:
     rng = np.random.default_rng(1)
     right, possible = [], []
     for _ in range(40):
@@ -138,14 +124,9 @@ def a_causal_choice_of_the_order() -> Finding:
 
 
 @SECTION.check("eq01.bandwidth")
-def time_constant_and_bandwidth() -> Finding:
-    r"""Find the −3 dB frequency by bisection; compare with √(2^(1/n) − 1)/λ.
-
-    Besides, F(jω) must depend on λω alone, for λ from 1 ms to 1000 s.
-    """
-    corners = np.array(
-        [brentq(lambda x, n=n: abs(LowPassFilter(1.0, n)(1j * x)) ** 2 - 0.5, 0, 2) for n in ORDERS]
-    )
+def _time_constant_and_bandwidth() -> Finding:
+    filters = [LowPassFilter(1.0, n) for n in ORDERS]
+    corners = [brentq(lambda x, F=F: abs(F(1j * x)) ** 2 - 0.5, 0, 2) for F in filters]
     x = np.geomspace(1e-2, 1e2, 41)
     agree = [
         same(F(1j * x / value), LowPassFilter(1.0, order)(1j * x))
@@ -159,8 +140,7 @@ def time_constant_and_bandwidth() -> Finding:
 
 
 @SECTION.check("eq02.low")
-def filter_in_its_pass_band() -> Finding:
-    """Evaluate |F| on a grid of [0, ω_B] and at the closed-form limits for 10 % and 1 %."""
+def _filter_in_its_pass_band() -> Finding:
     x = np.linspace(0, 1, 1001)
     filters = [LowPassFilter(0.05, order) for order in ORDERS]
     at_corner = [abs(F(1j * F.bandwidth)) for F in filters]
@@ -186,11 +166,7 @@ def filter_in_its_pass_band() -> Finding:
 
 
 @SECTION.check("eq02.high")
-def filter_in_its_stop_band() -> Finding:
-    r"""Find by bisection where |F| falls to 10, 1 and 0.1 %.
-
-    Compare with √(ε^(−2/n) − 1)/λ, and see on a grid that |F| stays below from there on.
-    """
+def _filter_in_its_stop_band() -> Finding:
     width: dict[float, list[float]] = {0.1: [], STOPPED: [], 0.001: []}
     right = []
     for order, allowed in product(ORDERS, width):
@@ -207,11 +183,7 @@ def filter_in_its_stop_band() -> Finding:
 
 
 @SECTION.check("eq03")
-def output_is_the_sum_of_four() -> Finding:
-    """Solve the diagram with all four inputs at once, random complex numbers; compare the sums.
-
-    On loops the sum is made of the package's maps, with and without dead time.
-    """
+def _output_is_the_sum_of_four() -> Finding:
     rng = np.random.default_rng(3)
     v, given = Values.random(rng), Values.random(rng)  # four random numbers each
     total = sum(PRINTED_MAPS[name](v) * x for name, x in zip(TO_OUTPUT, given, strict=True))

@@ -32,26 +32,15 @@ __all__ = [
     "random_loops", "random_points", "rightmost", "same", "turns", "turns_around_minus_one",
 ]  # fmt: skip
 
-EXACT = 1e-8
-"""Relative difference up to which two ways to compute one number agree."""
-
+EXACT = 1e-8  # relative difference up to which two ways to compute one number agree
 TOLERANCE = "1e-8 relative"
-
 NEAR = 0.1
 """What "approximately" of the paper is taken to allow, of 1 or of the value compared with."""
-
 ABOUT = "“≈” taken as within 10 %"
-
-STOPPED = 0.01
-"""Size of F where it is taken to be approximately zero."""
-
+STOPPED = 0.01  # size of F where it is taken to be approximately zero
 ORDERS = (1, 2, 3, 4)
-
-AXIS = 1e-7
-"""How far to the right of the imaginary axis a curve is followed, rad/s."""
-
-QUADRUPLES = 100
-"""How many random values of the four blocks a formula is tried on."""
+AXIS = 1e-7  # how far to the right of the imaginary axis a curve is followed, rad/s
+QUADRUPLES = 100  # how many random values of the four blocks a formula is tried on
 
 
 MAPS = {

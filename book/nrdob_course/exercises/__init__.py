@@ -20,8 +20,8 @@ from typing import Any
 from .cases import factored
 from .figures import draw_without_count
 from .problems import BUDGET, Case, Feedback, Misconception, Points, Problem
-from .reviewing import HIDDEN_CASES, VISIBLE_CASES, review, timed
-from .set5_edges import draw_edge
+from .reviewing import HIDDEN_CASES, NOBODY, NOT_NOW, VISIBLE_CASES, review, timed
+from .set5 import draw_edge
 
 __all__ = [
     "BUDGET", "PROBLEMS", "Feedback", "Misconception", "Points", "Problem", "check", "draw_edge",
@@ -35,17 +35,10 @@ _POSED = [held for held in _HELD if isinstance(held, Problem)]
 PROBLEMS: dict[str, Problem] = {
     each.id: each for each in sorted(_POSED, key=lambda each: tuple(map(int, each.id.split("."))))
 }
-"""Every problem by its id, in their order, found in the modules set1, set1_filters, …
+"""Every problem by its id, in their order, found in the modules set1, set2, …
 
 :meta hide-value:
 """
-
-
-NOT_NOW = "Not checked while the notebook is graded: it would take the time of the grading."
-
-NOBODY = (
-    "This is the case of group 0, which is nobody's: write your group's number into the first cell."
-)
 
 
 def own_case(id: str, group: int) -> Case:

@@ -79,13 +79,10 @@ class LoopCase:
 
 @dataclass(frozen=True, eq=False)
 class UnstablePlant:
-    """A plant gain/((s - pole)(s + decay)).
+    """A plant gain/((s - pole)(s + decay))."""
 
-    `gain`: of either sign; `pole`, `decay`: positive, in rad/s.
-    """
-
-    gain: float
-    pole: float
+    gain: float  # of either sign
+    pole: float  # this and decay positive, in rad/s
     decay: float
 
     @property

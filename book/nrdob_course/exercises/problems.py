@@ -31,7 +31,7 @@ from .reading import as_given
 
 __all__ = [
     "BUDGET", "Case", "Feedback", "Lack", "Misconception", "Points", "Problem", "any_of",
-    "first_of", "lacking", "pose", "put_right", "reading", "texts_of",
+    "first_of", "lacking", "lacks_of", "pose", "put_right", "reading", "texts_of", "words",
 ]  # fmt: skip
 
 Case = Any
@@ -228,18 +228,6 @@ class Problem:
     makes: Callable[[Any], Case] = as_given
     drawn_as: str = ""
 
-    def accepts(self, case: Case, got: Any) -> bool:
-        """Tell whether an answer to a case has the properties asked for.
-
-        Parameters
-        ----------
-        case : Case
-            What was asked.
-        got : object
-            The answer, as it is given.
-        """
-        return not self.lacks(case, self.reads(got))
-
     def cases(self, seed: Any, count: int) -> list[Case]:
         """Give cases as `drawn`, in copies: whoever changes a case changes nobody else's.
 
@@ -292,7 +280,7 @@ def pose(
     Misconceptions come by name, in the order in which they are looked for, as such or as what is
     answered; `alike` compares that with what was given. Each has a text, and no text is left over.
     """
-    text = texts or texts_of(id.partition(".")[0])[id]
+    text = texts or texts_of(f"set{id.partition('.')[0]}")[id]
     said = text["misconceptions"]
     if lonely := sorted(said.keys() ^ misconceptions.keys()):
         names = ", ".join(lonely)
@@ -301,7 +289,7 @@ def pose(
     def known(name: str, given: Misconception | Callable[[Case], Any]) -> Misconception:
         this = given if isinstance(given, Misconception) else Misconception(given)
         marks = float(Fraction(str(said[name].get("marks", 0))))
-        found = replace(this, name=name, says=_words(said[name]["says"]), marks=marks)
+        found = replace(this, name=name, says=words(said[name]["says"]), marks=marks)
         return replace(found, recognises=this.recognises or _by(this))
 
     def _by(this: Misconception) -> Callable[[Case, Any], bool]:
@@ -315,7 +303,7 @@ def pose(
     return Problem(
         id=id,
         title=text["title"],
-        praise=_words(text["praise"]),
+        praise=words(text["praise"]),
         lacks=lacks,
         misconceptions=tuple(known(*each) for each in misconceptions.items()),
         **how,
@@ -323,11 +311,18 @@ def pose(
 
 
 @cache
-def texts_of(set: str) -> dict[str, Any]:
-    """Read what is said of the problems of a set, by their ids."""
-    file = files(__package__).joinpath(f"set{set}.toml")
+def texts_of(module: str) -> dict[str, Any]:
+    """Read what is said to students, as of the problems of a set by their ids."""
+    file = files(__package__).joinpath(f"{module}.toml")
     return tomllib.loads(file.read_text(encoding="utf-8"))
 
 
-def _words(text: str) -> str:
+def lacks_of(id: str, **values: Any) -> dict[str, str]:
+    """Say what the parts of an answer to a problem lack, by their names, with some values."""
+    said = texts_of(f"set{id.partition('.')[0]}")[id]["lacks"]
+    return {name: words(text).format(**values) for name, text in said.items()}
+
+
+def words(text: str) -> str:
+    """Write a text of several lines in one."""
     return " ".join(text.split())

@@ -84,9 +84,8 @@ def _real(given: Any) -> float:
     except (TypeError, ValueError, OverflowError):
         raise UnreadableError(f"a number is asked for; this is a {type(given).__name__}") from None
     if abs(value.imag) > max(REAL * abs(value), NOTHING):
-        raise UnreadableError(
-            f"a real number is asked for; this one has the imaginary part {value.imag:.3g}"
-        )
+        words = f"this one has the imaginary part {value.imag:.3g}"
+        raise UnreadableError(f"a real number is asked for; {words}")
     return value.real
 
 
@@ -201,14 +200,12 @@ def polynomial(given: Any) -> FloatArray:
     elif isinstance(given, ct.TransferFunction):
         num, den = as_fraction(given, "it", proper=False)
         if den.size > 1:
-            raise UnreadableError(
-                "a polynomial is asked for; this is a fraction: give its numerator"
-            )
+            words = "a polynomial is asked for; this is a fraction: give its numerator"
+            raise UnreadableError(words)
         given = num / den[0]
     elif not isinstance(given, Iterable) or isinstance(given, UNORDERED):
-        raise UnreadableError(
-            f"coefficients are asked for, in a list; this is a {type(given).__name__}"
-        )
+        words = "coefficients are asked for, in a list"
+        raise UnreadableError(f"{words}; this is a {type(given).__name__}")
     p = np.array(list(np.ravel(np.asarray(given, dtype=object))), dtype=object)
     try:
         values = p.astype(complex)

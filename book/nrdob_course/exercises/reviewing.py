@@ -18,47 +18,22 @@ from nrdob.diagram import LowPassFilter
 from nrdob.loop import NRDOB
 
 from .comparing import same
-from .problems import BUDGET, Case, Feedback, Lack, Misconception, Problem
+from .problems import BUDGET, Case, Feedback, Lack, Misconception, Problem, texts_of, words
 from .reading import UnreadableError
 
 __all__ = [
-    "BLANK", "HARD_CODED", "HIDDEN", "HIDDEN_CASES", "NOTHING", "OTHER", "ROUNDED", "TOO_SLOW",
-    "VISIBLE_CASES", "review", "timed",
+    "BLANK", "HARD_CODED", "HIDDEN", "HIDDEN_CASES", "NOBODY", "NOTHING", "NOT_NOW", "OTHER",
+    "ROUNDED", "TOO_SLOW", "VISIBLE_CASES", "review", "timed",
 ]  # fmt: skip
 
 VISIBLE_CASES, HIDDEN_CASES = 4, 8
 
-BLANK = "Nothing to check yet: replace the placeholder by your answer and run this cell again."
-
-NOTHING = (
-    "Nothing to check yet: your function returns nothing. Write the answer into it, end it with "
-    "return …, and run this cell again."
-)
-
-SOMETIMES = (
-    "Your function returns an answer in some cases, and nothing for {case}. Does a search end "
-    "there without having found anything, or is there a branch without return?"
-)
-
-ROUNDED = (
-    "Right, but rounded: numbers are compared to four digits, and these have fewer, which costs a "
-    "quarter of the points. Leave the rounding out, or keep four digits or more."
-)
-KEPT = 0.75
-"""Share of the points for a right answer that was rounded."""
-
-TOO_SLOW = "Right, but too slow: when it is graded it would be stopped, and earn nothing."
-
-HARD_CODED = (
-    "Right for the first case and wrong for another: it looks as if a number of one case were "
-    "written into the answer. Compute it from the case that the function is given."
-)
-
-
-HIDDEN = (
-    "Right for your own case, and not for all others, which are drawn as yours was. Run the check "
-    "with the numbers of other groups, in a cell of your own, until it shows you one that fails."
-)
+_SAID = {name: words(text) for name, text in texts_of("reviewing").items()}
+BLANK, NOTHING, SOMETIMES = (_SAID[name] for name in ("blank", "nothing", "sometimes"))
+ROUNDED, TOO_SLOW, HARD_CODED = (_SAID[name] for name in ("rounded", "too slow", "hard-coded"))
+HIDDEN, NOT_NOW, NOBODY = (_SAID[name] for name in ("hidden", "not now", "nobody"))
+OTHER = "a case that is not your own"
+KEPT = 0.75  # share of the points for a right answer that was rounded
 
 
 def review(
@@ -108,9 +83,6 @@ def _quietly(function: Callable[..., Any], *arguments: Any) -> Any:
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         return function(*arguments)
-
-
-OTHER = "a case that is not your own"
 
 
 def _told(error: BaseException, answer: Any, case: Case) -> str:

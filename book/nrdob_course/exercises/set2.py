@@ -5,40 +5,49 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import partial
+from typing import Any
 
 import control as ct
 import numpy as np
 
 from nrdob.analysis import judge, resolved_frequencies
-from nrdob.diagram import LowPassFilter
+from nrdob.design import right_half_plane_parity, stabilizing_time_constants
+from nrdob.diagram import LowPassFilter, Quotient
 from nrdob.loop import NRDOB
 from nrdob.numerics import ComplexArray, FloatArray, QuasiPolynomial
 
-from .cases import LoopCase, factored, observer_stable, on_the_right, s
+from .cases import (
+    LoopCase,
+    UnstablePlant,
+    alike,
+    factored,
+    mirrored,
+    not_around,
+    observer_stable,
+    on_the_right,
+    s,
+)
 from .comparing import same, unlike
-from .drawing import apart, draw, few, first_fitting, kept
-from .problems import Misconception, any_of, first_of, pose, reading
+from .drawing import apart, draw, either_sign, few, first_fitting, kept
+from .problems import Lack, Misconception, any_of, first_of, lacking, lacks_of, pose, reading
 from .reading import number as one_number
 from .reading import numbers
 
-__all__ = ["CLOSING", "READING", "TURNS"]
+__all__ = ["CLOSING", "LITERAL", "READING", "TURNS", "UNTURNED"]
+
 
 # --- 2.1 Turns from a list of roots -------------------------------------------------------------
 
 
 @dataclass(frozen=True, eq=False)
 class RootsCase:
-    """A loop, taken apart into roots.
+    """A loop, taken apart into roots."""
 
-    `plant_zeros`, `plant_poles`, `model_zeros`, `model_poles`: of G and of the model, before
-    anything cancels; `closed_loop_roots`: Roots of p_B.
-    """
-
-    plant_zeros: ComplexArray
+    plant_zeros: ComplexArray  # of G and of the model, before anything cancels
     plant_poles: ComplexArray
     model_zeros: ComplexArray
     model_poles: ComplexArray
-    closed_loop_roots: ComplexArray
+    closed_loop_roots: ComplexArray  # of p_B
 
     def __repr__(self) -> str:
         names = "plant_zeros", "plant_poles", "model_zeros", "model_poles", "closed_loop_roots"
@@ -94,26 +103,23 @@ def _draw_sides(rng: np.random.Generator, right: int, left: int) -> ComplexArray
     return np.array(roots)
 
 
-def _roots(case: RootsCase) -> int:
-    return on_the_right(case.closed_loop_roots)
-
-
-def _poles(case: RootsCase) -> int:
-    return on_the_right(case.plant_poles, case.model_zeros)
+def _roots_and_poles(case: RootsCase) -> tuple[int, int]:
+    return on_the_right(case.closed_loop_roots), on_the_right(case.plant_poles, case.model_zeros)
 
 
 def _turns(case: RootsCase) -> float:
-    return _roots(case) - _poles(case)
+    Z, P = _roots_and_poles(case)
+    return Z - P
 
 
 TURN_MISTAKES: dict[str, Callable[[RootsCase], float]] = {
     "counter-clockwise counted as positive": lambda case: -_turns(case),
-    "Z and P added": lambda case: _roots(case) + _poles(case),
+    "Z and P added": lambda case: sum(_roots_and_poles(case)),
     "poles of the model for its zeros": lambda case: (
-        _roots(case) - on_the_right(case.plant_poles, case.model_poles)
+        _turns(case) + on_the_right(case.model_zeros) - on_the_right(case.model_poles)
     ),
-    "zeros of the model forgotten": lambda case: _roots(case) - on_the_right(case.plant_poles),
-    "the encirclements of a stable loop": lambda case: -_poles(case),
+    "zeros of the model forgotten": lambda case: _turns(case) + on_the_right(case.model_zeros),
+    "the encirclements of a stable loop": lambda case: -_roots_and_poles(case)[1],
 }
 
 TURNS = pose(
@@ -123,8 +129,8 @@ TURNS = pose(
     lacks=lambda case, got: (
         ""
         if same(_turns(case), got)
-        else f"that many encirclements do not turn P = {_poles(case)} poles into Z = "
-        f"{_roots(case)} roots of p_B in the right half plane"
+        else "that many encirclements do not turn P = {1} poles into Z = {0} roots of p_B in the "
+        "right half plane".format(*_roots_and_poles(case))
     ),
     misconceptions=TURN_MISTAKES,
 )
@@ -162,10 +168,8 @@ def _draw_plot(rng: np.random.Generator, wanted: int) -> PlotCase:
     else:
         model = (s - hidden) / ((s + lag) * (s + other))
     ratio = g * above / below
-    num, den = (
-        np.polymul(getattr(ratio, part)[0, 0], getattr(model, part)[0, 0])
-        for part in ("num_array", "den_array")
-    )
+    num = np.polymul(ratio.num_array[0, 0], model.num_array[0, 0])
+    den = np.polymul(ratio.den_array[0, 0], model.den_array[0, 0])
     filter = LowPassFilter(draw(rng, 0.05, 2), 3 if wanted == 2 else 2)
     return PlotCase(NRDOB(ct.tf(num, den), model, 0, filter))
 
@@ -197,18 +201,7 @@ def _misread(wrong: Callable[[float, float, float], Reading]) -> Callable[[PlotC
 
 
 def _misread_numbers(case: PlotCase, got: FloatArray) -> dict[str, str]:
-    return unlike(
-        _reading(case),
-        got,
-        {
-            "N": "the first number is not what the plot does around -1. Draw a ray from -1 to the "
-            "far left: where the plot crosses it upwards it has made a clockwise encirclement, "
-            "where downwards an anticlockwise one. Both halves count, the solid and the dashed",
-            "P": "N is right, P is not: it counts the poles of the plant and the zeros of the "
-            "model on the right, whether they cancel or not",
-            "Z": "N and P are right, and Z does not follow from them: Z = N + P",
-        },
-    )
+    return unlike(_reading(case), got, lacks_of("2.3"))
 
 
 READING = pose(
@@ -232,17 +225,12 @@ READING = pose(
 
 @dataclass(frozen=True, eq=False)
 class HalfCurve:
-    """What is known of a function H: its values, and how it behaves at both ends.
+    """What is known of a function H: its values, and how it behaves at both ends."""
 
-    `omega`: frequencies in rad/s, growing, densely from far below all corner frequencies to far
-    above; `values`: H at j omega; `poles_at_zero`: how many poles H has at s = 0; `excess`: by how
-    much the degree of its numerator exceeds that of its denominator.
-    """
-
-    omega: FloatArray = field(repr=False)
-    values: ComplexArray = field(repr=False)
-    poles_at_zero: int
-    excess: int
+    omega: FloatArray = field(repr=False)  # in rad/s, from far below all corners to far above
+    values: ComplexArray = field(repr=False)  # H at j omega
+    poles_at_zero: int  # of H, at s = 0
+    excess: int  # degree of the numerator, less that of the denominator
 
     def __repr__(self) -> str:
         return (
@@ -333,22 +321,18 @@ def _near(value: float, got: float) -> bool:
 
 
 def _hints(case: HalfCurve) -> dict[float, str]:
-    """Say what other slips look like."""
     axis, pieces = _readings(case)["axis only"], _readings(case)["pieces"]
-    return {
-        axis / 2: "it is what positive frequencies alone give. Where are the mirror image, the "
-        "detour, and the half circle?",
-        axis - pieces: "the two closing pieces seem to go the wrong way: both are clockwise",
-        axis + 2 * pieces: "each pole at 0 and each degree of excess adds half a turn, not a whole",
-        pieces - axis: "the closing pieces seem right; but numpy's angles grow counter-clockwise, "
-        "so their sum needs a minus sign",
+    slips = {
+        "half": axis / 2,
+        "backwards": axis - pieces,
+        "whole": axis + 2 * pieces,
+        "sign": pieces - axis,
     }
+    return {slips[name]: said for name, said in lacks_of("2.4").items()}
 
 
 def _closing_lacks(case: HalfCurve, got: float) -> str:
-    if abs(got - _closed(case)) < 0.05:
-        return ""
-    for value, hint in _hints(case).items():
+    for value, hint in ({_closed(case): ""} | _hints(case)).items():
         if abs(got - value) < 0.05:
             return hint
     if abs(got - np.round(got)) > 0.05:
@@ -378,5 +362,161 @@ CLOSING = pose(
         "counter-clockwise counted as positive": lambda case: -_closed(case),
         "encirclements of 0": reading(_readings, "around zero"),
         "negative frequencies forgotten": reading(_readings, "one half"),
+    },
+)
+
+
+# --- 2.5 Lemma 1, read literally ----------------------------------------------------------------
+
+
+def _unstable_plant(rng: np.random.Generator) -> UnstablePlant:
+    pole = draw(rng, 0.5, 3)
+    return UnstablePlant(draw(rng, 0.5, 5), pole, few(pole * rng.uniform(1.5, 4)))
+
+
+def _visible(open_loop: Quotient) -> ComplexArray:
+    """Unstable zeros of 1 + L after cancellation: what Lemma 1 read literally looks at."""
+    if not open_loop.numerator.q.any():
+        return np.empty(0, dtype=complex)
+    tf = open_loop.to_tf()
+    roots = np.roots(np.polyadd(tf.num_array[0, 0], tf.den_array[0, 0]))
+    return np.asarray(roots[roots.real >= 0], dtype=complex)
+
+
+def _not_refuting(case: UnstablePlant, got: Any) -> str:
+    if lack := not_around(case.process, got):
+        return lack
+    for kind, term, open_loop in (("A", "C Gm", got.CGm), ("B", "FH", got.FH)):
+        if _visible(open_loop).size:
+            words = "has an unstable zero, so the lemma does not call this loop stable"
+            return Lack(kind, f"1 + {term} {words}")
+    verdict = got.stability().stable
+    if verdict is None:
+        return AT_A_BORDER
+    if verdict:
+        return Lack("stable", "this loop is stable, as the lemma says")
+    if alike(got.G, got.Gm):
+        return Lack("matched", "the model is the plant itself, which was excluded")
+    return ""
+
+
+AT_A_BORDER = "there is no verdict on this loop, it is at a border; move away from it"
+
+
+def _around(case: UnstablePlant, model: ct.TransferFunction, controller: float) -> NRDOB:
+    return NRDOB(case.process, model, controller, LowPassFilter(0.1 / case.pole, 2))
+
+
+def _held(case: UnstablePlant, pole: float, gain: float) -> NRDOB:
+    """Take a model with an unstable pole, and a controller that holds the model."""
+    decay = case.decay + case.pole
+    return _around(case, 1 / ((s - pole) * (s + decay)), gain * 2 * pole * decay)
+
+
+def _around_mirrored(
+    case: UnstablePlant, value: float, sign: float = 1.0, hold: float = 0.5
+) -> NRDOB:
+    """Take the mirrored model, and a controller that gives C Gm a gain."""
+    controller = sign * hold * case.pole * case.decay / case.gain
+    return NRDOB(case.process, sign * mirrored(case), controller, LowPassFilter(value, 2))
+
+
+LITERAL = pose(
+    "2.5",
+    case=_unstable_plant,
+    lacks=_not_refuting,
+    misconceptions={
+        "the model is the plant itself": lacking(
+            "matched",
+            lambda case: _around(case, case.process, 2 * case.pole * case.decay / case.gain),
+        ),
+        "a loop that is stable": lacking(
+            "stable", lambda case: _around_mirrored(case, 0.1 / case.pole)
+        ),
+        "a root that is not hidden": lacking("B", lambda case: _held(case, 1.05 * case.pole, 1.0)),
+        "the controller does not hold the model": lacking(
+            "A", lambda case: _held(case, case.pole, -1.0)
+        ),
+        "another plant": lacking(
+            "plant",
+            lambda case: NRDOB(4 / (2 - s - s**2), 4 / (2 - s - s**2), -2, LowPassFilter(0.05, 2)),
+        ),
+    },
+)
+
+
+# --- 2.6 A loop that should not exist -----------------------------------------------------------
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class DistantZero(UnstablePlant):
+    """A plant gain (1 - s/zero)/((s - pole)(s + decay))."""
+
+    zero: float  # positive, in rad/s, far beyond the pole
+
+    @property
+    def process(self) -> ct.TransferFunction:
+        """The plant made of these numbers."""
+        return (1 - s / self.zero) * super().process
+
+
+def _distant_zero(rng: np.random.Generator) -> DistantZero:
+    pole = draw(rng, 0.5, 3)
+    return DistantZero(
+        either_sign(rng) * draw(rng, 0.5, 5),
+        pole,
+        few(pole * rng.uniform(2, 5)),
+        few(pole * rng.uniform(60, 150)),
+    )
+
+
+def _not_held(case: DistantZero, got: Any) -> str:
+    """Tell why a loop is not the one that should not exist."""
+    if lack := not_around(case.process, got):
+        return lack
+    verdict = got.stability()
+    if verdict.stable:
+        return ""
+    if verdict.observer_loop.stable:
+        if verdict.stable is None:
+            return AT_A_BORDER
+        return Lack("controller", "the controller does not stabilise the model (condition i)")
+    own = np.array([case.pole, case.zero])
+    if np.any(np.abs(np.subtract.outer(verdict.observer_loop.roots, own)) < 1e-6 * own):
+        words = "the model shares an unstable root with the plant, which stays in the loop"
+        return Lack("shared", words)
+    if verdict.stable is None:
+        return AT_A_BORDER
+    if not right_half_plane_parity(got.process, got.model).holds:
+        return Lack("sign", "p_B has an odd number of unstable roots for every λ and n")
+    F = got.filter
+    lowpass = isinstance(F, LowPassFilter)
+    works = lowpass and stabilizing_time_constants(got.process, got.model, F.order)
+    if not works:
+        return "with this model and order the filter does not stabilise p_B"
+    kind = "fast" if F.time_constant <= works[0][0] else "slow"
+    return Lack(kind, f"the filter is too {kind}, p_B has roots in the right half plane")
+
+
+UNTURNED = pose(
+    "2.6",
+    case=_distant_zero,
+    lacks=_not_held,
+    misconceptions={
+        "a root shared in the right half plane": lacking(
+            "shared", lambda case: _around(case, (1 - s / case.zero) * mirrored(case), 0)
+        ),
+        "the DC sign of the plant": lacking(
+            "sign", lambda case: _around_mirrored(case, 0.1 / case.pole, sign=-1.0)
+        ),
+        "the controller does not hold the model": lacking(
+            "controller", lambda case: _around_mirrored(case, 0.1 / case.pole, hold=-2.0)
+        ),
+        "a filter that is too fast": lacking(
+            "fast", lambda case: _around_mirrored(case, 0.2 / case.zero)
+        ),
+        "a filter that is too slow": lacking(
+            "slow", lambda case: _around_mirrored(case, 2 / case.pole)
+        ),
     },
 )

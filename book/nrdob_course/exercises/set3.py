@@ -11,20 +11,21 @@ from typing import Any
 import control as ct
 import numpy as np
 
-from nrdob.analysis import MarginBounds, margin_bounds
+from nrdob.analysis import LoopMargins, MarginBounds, margin_bounds
 from nrdob.diagram import LowPassFilter
 from nrdob.loop import NRDOB
 from nrdob.numerics import ComplexArray, FloatArray
 from nrdob.plants import antiresonance, resonance
 from nrdob.plotting import Figure
 
-from .comparing import near, rounds, same
-from .drawing import apart, draw, first_fitting, fitting, kept
+from .cases import LoopCase, observer_stable
+from .comparing import LEEWAY, near, rounds, same
+from .drawing import apart, draw, few, first_fitting, fitting, kept
 from .figures import draw_gains
-from .problems import first_of, pose, put_right, reading
-from .reading import number, numbers
+from .problems import Lack, Misconception, first_of, lacking, pose, put_right, reading
+from .reading import lowpass, number, numbers
 
-__all__ = ["DELAY_MARGIN", "NOISE_MAP", "PROMISE"]
+__all__ = ["DELAY_MARGIN", "DESIGN", "GAIN", "NOISE_MAP", "PROMISE"]
 
 
 # --- 3.1 What M_s promises ----------------------------------------------------------------------
@@ -32,19 +33,16 @@ __all__ = ["DELAY_MARGIN", "NOISE_MAP", "PROMISE"]
 
 @dataclass(frozen=True, eq=False)
 class PeakCase:
-    """A loop of which only the peak of the sensitivity is known.
+    """A loop of which only the peak of the sensitivity is known."""
 
-    `ms`: M_s, the maximum of |S_d|.
-    """
-
-    ms: float
+    ms: float  # the maximum of |S_d|
 
     def __repr__(self) -> str:
         return f"Ms = {self.ms:g}"
 
 
-def _promised(case: PeakCase) -> MarginBounds:
-    return margin_bounds(case.ms)
+def _promised(case: PeakCase, **changed: float) -> MarginBounds:
+    return margin_bounds(case.ms)._replace(**changed)
 
 
 def _broken(case: PeakCase, got: FloatArray) -> dict[str, str]:
@@ -90,19 +88,17 @@ PROMISE = pose(
     parts=_broken,
     rounded=lambda case, got: rounds(_promised(case), got),
     misconceptions={
-        "angle in radians": lambda case: _promised(case)._replace(pm=radians(_promised(case).pm)),
-        "lower gain as the inverse of the upper": lambda case: _promised(case)._replace(
-            gm_low=1 / _promised(case).gm_high
+        "angle in radians": lambda case: _promised(case, pm=radians(_promised(case).pm)),
+        "lower gain as the inverse of the upper": lambda case: _promised(
+            case, gm_low=1 / _promised(case).gm_high
         ),
-        "Ms taken for a gain margin": lambda case: _promised(case)._replace(
-            gm_low=1 / case.ms, gm_high=case.ms
+        "Ms taken for a gain margin": lambda case: _promised(
+            case, gm_low=1 / case.ms, gm_high=case.ms
         ),
-        "distance taken for a change of gain": lambda case: _promised(case)._replace(
-            gm_low=1 - 1 / case.ms, gm_high=1 + 1 / case.ms
+        "distance taken for a change of gain": lambda case: _promised(
+            case, gm_low=1 - 1 / case.ms, gm_high=1 + 1 / case.ms
         ),
-        "chord taken for a sine": lambda case: _promised(case)._replace(
-            pm=degrees(asin(1 / case.ms))
-        ),
+        "chord taken for a sine": lambda case: _promised(case, pm=degrees(asin(1 / case.ms))),
         "gains in decibels": put_right(
             lambda case: [*(20 * np.log10(_promised(case)[:2])), _promised(case).pm], _as_factors
         ),
@@ -118,13 +114,10 @@ PROMISE = pose(
 
 @dataclass(frozen=True, eq=False)
 class MeasuredCase:
-    """The frequency response of a plant loop, measured; the loop is stable.
+    """The frequency response of a plant loop, measured; the loop is stable."""
 
-    `omega`: frequencies, rad/s, ascending; `L`: L(jω) at these frequencies.
-    """
-
-    omega: FloatArray
-    L: ComplexArray
+    omega: FloatArray  # in rad/s, ascending
+    L: ComplexArray  # L(jω) at these frequencies
 
     def __repr__(self) -> str:
         low, high = self.omega[[0, -1]]
@@ -210,20 +203,17 @@ def draw_measured_loop(draw: Callable[..., Any], which: int, rng: np.random.Gene
     return first_fitting(drawn, fits)
 
 
-READ_OFF = 0.04
-"""How far a delay found from measured points may be off."""
+READ_OFF = 0.04  # how far a delay found from measured points may be off
 
 
 def _delay_lacks(case: MeasuredCase, margin: float) -> str:
     if not 0 < margin < inf:
         return "the delay margin of this loop is a positive number of seconds"
     # A dead time turns each point of the curve clockwise, by ω times it; stable until one is at -1.
-    reached = delays_of(case) <= margin * (1 - READ_OFF)
-    if reached.any():
-        return (
-            f"at a shorter dead time, {delays_of(case).min():.4g} s, the loop is already unstable"
-        )
-    if not np.any(delays_of(case) <= margin * (1 + READ_OFF)):
+    first = delays_of(case).min()
+    if first <= margin * (1 - READ_OFF):
+        return f"at a shorter dead time, {first:.4g} s, the loop is already unstable"
+    if first > margin * (1 + READ_OFF):
         return f"with a little more, {margin * (1 + READ_OFF):.4g} s, the loop is still stable"
     return ""
 
@@ -256,15 +246,11 @@ DELAY_MARGIN = pose(
 
 @dataclass(frozen=True, eq=False)
 class NoiseCase:
-    """A loop whose maps are drawn, `case.plot()`, and how wrong its plant may be.
+    """A loop whose maps are drawn, `case.plot()`, and how wrong its plant may be."""
 
-    `size`: bound of the plant's relative error |Δ| beyond the frequency asked for; `omega`, `S_d`,
-    `S_eta`, `F`: the points of the curves: frequencies in rad/s, and the three gains there.
-    """
-
-    size: float
-    omega: FloatArray = field(repr=False)
-    S_d: FloatArray = field(repr=False)
+    size: float  # bound of the plant's relative error |Δ| beyond the frequency asked for
+    omega: FloatArray = field(repr=False)  # points of the curves, in rad/s
+    S_d: FloatArray = field(repr=False)  # three gains there
     S_eta: FloatArray = field(repr=False)
     F: FloatArray = field(repr=False)
 
@@ -296,12 +282,11 @@ def noise_readings(case: NoiseCase) -> dict[str, float]:
     }
 
 
-def _told_apart(drawn: tuple[NoiseCase, NRDOB]) -> bool:
-    case, loop = drawn
-    return apart(*noise_readings(case).values(), by=0.25) and loop.stability().stable is True
-
-
-@fitting(_told_apart)
+@fitting(
+    lambda drawn: (
+        apart(*noise_readings(drawn[0]).values(), by=0.25) and drawn[1].stability().stable is True
+    )
+)
 def draw_noise_loop(rng: np.random.Generator) -> tuple[NoiseCase, NRDOB]:
     """Draw a loop, and what is drawn of it."""
     constant, gain, pole = draw(rng, 0.05, 0.5), draw(rng, 0.5, 5), draw(rng, 0.5, 3)
@@ -318,10 +303,8 @@ def _noise_lacks(case: NoiseCase, omega: float) -> str:
     if not omega > 0:
         return "a frequency in rad/s is asked for"
     worst = float(case.S_eta[case.omega >= 1.13 * omega].max(initial=0.0))
-    if worst * case.size >= 1:
-        return (
-            f"beyond it |S_η| is still {worst:.3g}, and |Δ S_η| may reach {worst * case.size:.3g}"
-        )
+    if (reached := worst * case.size) >= 1:
+        return f"beyond it |S_η| is still {worst:.3g}, and |Δ S_η| may reach {reached:.3g}"
     before = float(np.interp(omega / 1.13, case.omega, case.S_eta))
     if before * case.size < 1:
         return f"a little below it |Δ S_η| is at most {before * case.size:.3g}: go lower"
@@ -342,5 +325,203 @@ NOISE_MAP = pose(
         "hertz for rad/s": put_right(
             lambda case: noise_readings(case)["right"] / (2 * pi), lambda got: 2 * pi * got
         ),
+    },
+)
+
+
+# --- 3.5 Find the error: the margin of FH -------------------------------------------------------
+
+
+class GainCase(LoopCase):
+    """A stable loop whose F H has an adequate gain margin."""
+
+    def __repr__(self) -> str:
+        m = self.loop.margins().observer_loop
+        return f"a loop whose FH has a gain margin of {m.gm_db:.2f} dB"
+
+
+@kept
+def _margins(case: GainCase) -> LoopMargins:
+    return case.loop.margins()
+
+
+def _seems_robust(case: GainCase) -> bool:
+    found = _margins(case)
+    fh, true = found.observer_loop, found.plant_loop
+    return bool(
+        found.stable
+        and 3.5 < fh.gm_high < inf
+        and fh.pm > 60
+        and found.model_loop.pm > 45
+        and fh.gm_high > 1.3 * true.gm_high
+    )
+
+
+@fitting(_seems_robust)
+def _gain_case(rng: np.random.Generator) -> GainCase:
+    constant, gain = draw(rng, 0.05, 0.5), draw(rng, 0.5, 5)
+    pole = draw(rng, 0.5, 3)
+    model = ct.tf([gain], [1 / pole, 1])
+    # Two kinds, so that no one number lies between the two margins of all loops.
+    stronger = float(rng.choice([rng.uniform(1.1, 1.2), rng.uniform(1.8, 2.1)]))
+    fast = float(rng.uniform(0.05, 0.12)) * constant
+    lag = rng.random() < 0.5
+    wrong = ct.tf([stronger], [fast, 1]) if lag else ct.tf([-stronger * fast, stronger], [1])
+    loop = NRDOB(model * wrong, model, ct.tf([pole], [gain, 0]), LowPassFilter(constant, 3))
+    return GainCase(loop)
+
+
+@kept
+def _gain_lacks(case: GainCase, k: float) -> str:
+    fh = _margins(case).observer_loop
+    if not fh.gm_low < k < fh.gm_high:
+        return f"the margin of F H allows gains from {fh.gm_low:.4g} to {fh.gm_high:.4g} only"
+    loop = case.loop
+    stable = observer_stable(k * loop.process, loop.model, loop.filter)  # p_A stays as it is
+    if stable is False:
+        return ""
+    return f"with {k:.4g} times its plant the loop is " + ("stable" if stable else "on the border")
+
+
+def _decibels(case: GainCase, k: float) -> bool:
+    """Tell whether a gain is right in decibels, or one of the two margins in them."""
+    found = _margins(case)
+    margins = (found.observer_loop, found.plant_loop)
+    return any(abs(k / m.gm_db - 1) < 1e-2 for m in margins) or (
+        0 < k < 100 and not _gain_lacks(case, 10 ** (k / 20))
+    )
+
+
+GAIN = pose(
+    "3.5",
+    case=_gain_case,
+    reads=number,
+    lacks=_gain_lacks,
+    misconceptions={
+        "decibels taken for a factor": Misconception(
+            lambda case: _margins(case).observer_loop.gm_db, _decibels
+        ),
+        "margin of FH taken for the plant's": Misconception(
+            lambda case: 1.01 * _margins(case).observer_loop.gm_high,
+            lambda case, got: got >= _margins(case).observer_loop.gm_high,
+        ),
+        "still stable": Misconception(
+            lambda case: 0.95 * _margins(case).plant_loop.gm_high,
+            lambda case, got: 0 < got < _margins(case).plant_loop.gm_high,
+        ),
+    },
+)
+
+
+# --- 3.6 Design for margins ---------------------------------------------------------------------
+
+
+@dataclass(frozen=True, eq=False)
+class MarginCase:
+    """A plant, its model, and what the loop should be able to do."""
+
+    plant: ct.TransferFunction  # blocks of the loop
+    model: ct.TransferFunction
+    controller: ct.TransferFunction
+    ms: float  # M_s of the plant loop may not be larger
+    delay_margin: float  # may not be smaller, in seconds
+    omega: float  # in rad/s
+    rejection: float  # |S_d| may not be larger there
+
+    def loop(self, filter: Any) -> NRDOB:
+        """Make the loop with a filter."""
+        return NRDOB(self.plant, self.model, self.controller, filter)
+
+    def __repr__(self) -> str:
+        return (
+            f"Ms ≤ {self.ms:g}, delay margin ≥ {self.delay_margin:g} s, "
+            f"|S_d| ≤ {self.rejection:g} at {self.omega:g} rad/s"
+        )
+
+
+def _leaves_room(found: tuple[MarginCase, float]) -> bool:
+    """Tell whether between what F H allows and what L allows there is room for the mistake."""
+    case, good = found
+    faster = case.loop(LowPassFilter(0.88 * SHARES[0] * good, 2))
+    return bool(faster.margins().observer_loop.ms <= case.ms)
+
+
+@fitting(_leaves_room)
+def draw_margin_loop(rng: np.random.Generator) -> tuple[MarginCase, float]:
+    """Draw a case, and a λ that is good for it."""
+    lag, gain = draw(rng, 0.02, 0.3), draw(rng, 0.5, 5)
+    slow = [draw(rng, 0.05, 0.15) / lag, draw(rng, 0.2, 0.4) / lag]
+    model = ct.tf([gain], np.polymul(*([1 / p, 1] for p in slow)))
+    stronger = float(rng.uniform(1.2, 1.5))
+    plant = model * ct.tf([stronger], np.polymul([lag, 1], [lag, 1]))
+    controller = ct.tf([1 / slow[0], 1], [4 * gain / slow[1], 0])
+    good, omega = float(rng.uniform(3.5, 5)) * lag, few(0.05 / lag)
+    loops = [NRDOB(plant, model, controller, LowPassFilter(share * good, 2)) for share in SHARES]
+    case = MarginCase(
+        plant,
+        model,
+        controller,
+        ms=float(np.ceil(100 * loops[0].margins().plant_loop.ms) / 100),
+        delay_margin=few(loops[1].margins().plant_loop.delay_margin, 3),
+        omega=omega,
+        rejection=few(float(abs(loops[2].S_d(1j * omega))), 3),
+    )
+    return case, good
+
+
+SHARES = (0.7, 0.9, 1.15)
+"""Of a good λ: where M_s becomes too large, then the delay margin too small, then S_d too large."""
+
+
+def _fastest(case: MarginCase, which: str) -> float:
+    """Find the smallest λ at which one loop, judged by M_s, would do."""
+
+    def enough(constant: float) -> bool:
+        found = case.loop(LowPassFilter(constant, 2)).margins()
+        return bool(found.stable) and bool(getattr(found, which).ms <= case.ms)
+
+    lag = 1 / float(np.abs(case.plant.poles()).max())
+    low, high = 0.5 * lag, 8 * lag
+    for _ in range(12):
+        middle = sqrt(low * high)
+        low, high = (low, middle) if enough(middle) else (middle, high)
+    return high
+
+
+def _design_lacks(case: MarginCase, filter: Any) -> str:
+    loop = case.loop(filter)
+    if loop.stability().stable is not True:
+        return "the loop is not stable"
+    true = loop.margins().plant_loop
+    size = float(abs(loop.S_d(1j * case.omega)))
+    lacks = []
+    if true.ms > case.ms * LEEWAY:
+        lacks.append(Lack("ms", f"Ms of L is {true.ms:.4g}"))
+    if true.delay_margin < case.delay_margin / LEEWAY:
+        lacks.append(Lack("delay", f"the delay margin is {true.delay_margin:.4g} s"))
+    if size > case.rejection * LEEWAY:
+        lacks.append(Lack("rejection", f"|S_d| is {size:.4g} at {case.omega:g} rad/s"))
+    return lacks[0] if len(lacks) == 1 else ", ".join(lacks)
+
+
+def _trusts_FH(case: MarginCase, filter: Any) -> bool:
+    found = case.loop(filter).margins()
+    return bool(found.observer_loop.ms <= case.ms * LEEWAY < found.plant_loop.ms)
+
+
+def _slower(share: float, which: str) -> Callable[[MarginCase], LowPassFilter]:
+    return lambda case: LowPassFilter(share * _fastest(case, which), 2)
+
+
+DESIGN = pose(
+    "3.6",
+    case=lambda rng: draw_margin_loop(rng)[0],
+    reads=lambda given: given if isinstance(given, ct.TransferFunction) else lowpass(given),
+    lacks=_design_lacks,
+    own=True,
+    misconceptions={
+        "Ms of FH taken for the plant's": Misconception(_slower(1.02, "observer_loop"), _trusts_FH),
+        "delay margin not looked at": lacking("delay", _slower(1.05, "plant_loop")),
+        "robust only": lacking("rejection", _slower(2.2, "plant_loop")),
     },
 )

@@ -6,31 +6,43 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cache, partial
 from math import inf, isfinite, log, pi
-from typing import Any
+from typing import Any, NamedTuple
 
 import control as ct
 import numpy as np
 from scipy.optimize import brentq
+from scipy.signal import butter
 
 from nrdob.design import (
     critical_time_constants,
+    disturbance_index,
+    gain_bound,
+    noise_index,
     smallest_for_delay,
     smallest_for_double_lag,
     smallest_for_rhp_zero,
+    stable_for_slow_filters,
 )
-from nrdob.diagram import DelayedTransferFunction, LowPassFilter
+from nrdob.diagram import (
+    DelayedTransferFunction,
+    LowPassFilter,
+    ObserverEquations,
+    as_fraction,
+    filter_fraction,
+    rational_power,
+)
 from nrdob.loop import NRDOB
-from nrdob.numerics import FloatArray
+from nrdob.numerics import ComplexArray, FloatArray, QuasiPolynomial
 from nrdob.plotting import Figure
 
 from .cases import all_pole, factored, grid_peak, observer_stable
-from .comparing import READING, near, rounds, same
-from .drawing import apart, draw, few, fitting, kept
+from .comparing import LEEWAY, READING, near, rounds, same
+from .drawing import apart, draw, either_sign, few, fitting, kept
 from .figures import Peaks, draw_peaks
-from .problems import Misconception, any_of, pose, put_right
-from .reading import lowpass, number, numbers, things, whole
+from .problems import Lack, Misconception, any_of, lacking, pose, put_right
+from .reading import block, lowpass, number, numbers, things, whole
 
-__all__ = ["CARD", "FASTEST_ORDER", "THREE_PLANTS"]
+__all__ = ["BETTER", "CARD", "FASTEST_ORDER", "SLOW_FILTER", "THREE_PLANTS"]
 
 
 # --- 4.1 The card -------------------------------------------------------------------------------
@@ -38,18 +50,13 @@ __all__ = ["CARD", "FASTEST_ORDER", "THREE_PLANTS"]
 
 @dataclass(frozen=True, eq=False)
 class CardCase:
-    """Four errors of a model, each by itself, and the order of the filter.
+    """Four errors of a model, each by itself, and the order of the filter."""
 
-    `delay`: a dead time in seconds; `zero`: a zero at s = zero, in rad/s; `lag`: a lag 1/(lag s +
-    1), in seconds; `double_lag`: a factor 1/(double_lag s + 1)^2, in seconds; `order`: order of the
-    filter.
-    """
-
-    delay: float
-    zero: float
-    lag: float
-    double_lag: float
-    order: int
+    delay: float  # a dead time, in seconds
+    zero: float  # a zero at s = zero, in rad/s
+    lag: float  # 1/(lag s + 1), in seconds
+    double_lag: float  # 1/(double_lag s + 1)^2, in seconds
+    order: int  # of the filter
 
     def __repr__(self) -> str:
         return (
@@ -59,7 +66,6 @@ class CardCase:
 
 
 def _edges(case: CardCase) -> list[float]:
-    """Give the four numbers, by the closed forms."""
     return [
         smallest_for_delay(case.delay, case.order),
         smallest_for_rhp_zero(case.zero, case.order),
@@ -80,19 +86,16 @@ def _plants(case: CardCase) -> list[Any]:
 
 
 def _card_case(rng: np.random.Generator) -> CardCase:
-    delay, zero, lag, double_lag = (
-        draw(rng, *ends) for ends in ((0.02, 3), (3, 60), (0.02, 3), (0.02, 3))
-    )
+    ends = (0.02, 3), (3, 60), (0.02, 3), (0.02, 3)
+    delay, zero, lag, double_lag = (draw(rng, *each) for each in ends)
     return CardCase(delay, zero, lag, double_lag, order=int(rng.integers(2, 4)))
 
 
 ERRORS = ("the dead time", "the zero", "the lag", "the two lags")
-EDGE = 1.01
-"""How near to an edge a number must be: a step of one per cent must cross it."""
+EDGE = 1.01  # how near to an edge a number must be: a step of one per cent must cross it
 
 
 def _off(case: CardCase, got: FloatArray) -> dict[str, str]:
-    """Tell of each number why it is no edge; empty if it is one."""
     return {name: _off_the_edge(case, k, float(got[k])) for k, name in enumerate(ERRORS)}
 
 
@@ -111,10 +114,9 @@ def _off_the_edge(case: CardCase, k: int, value: float) -> str:
         return "smaller λ are stable, too," if value else ""
     if value == 0:
         return "not every λ is stable"
+    plant, model = _plants(case)[k], ct.tf([1], [1, 1])
     above, below = (
-        observer_stable(
-            _plants(case)[k], ct.tf([1], [1, 1]), LowPassFilter(factor * value, case.order)
-        )
+        observer_stable(plant, model, LowPassFilter(factor * value, case.order))
         for factor in (EDGE, 1 / EDGE)
     )
     if above is not True:
@@ -172,7 +174,7 @@ class OrdersCase:
         """Draw Ms over the bandwidth of the filter, for three orders."""
         edges, fastest = edges_of(self), fastest_of(self)
         curves = []
-        for n, role, style in zip(ORDERS, ("filter", "process", "noise"), _STYLES, strict=True):
+        for n, role, style in ((2, "filter", "-"), (3, "process", "--"), (4, "noise", "-.")):
             bandwidth = np.linspace(0.04, 0.98, 150) * edges[n]
             peaks = [_peak(self, n, w) for w in bandwidth]
             curves.append(Peaks(f"n = {n}", bandwidth, peaks, edges[n], role, style))
@@ -185,30 +187,23 @@ class OrdersCase:
         return draw_peaks(curves, self.max_ms, 4.5, along, alt)
 
 
-_STYLES = ("-", "--", "-.")
-
-
 @kept
 def edges_of(case: OrdersCase) -> dict[int, float]:
     """Give the bandwidth in rad/s at which the loop becomes unstable, for each order."""
-    return {
-        n: LowPassFilter(
-            critical_time_constants(case.plant, case.model, n)[-1].time_constant, n
-        ).bandwidth
-        for n in ORDERS
-    }
+    last = {n: critical_time_constants(case.plant, case.model, n)[-1] for n in ORDERS}
+    return {n: LowPassFilter(edge.time_constant, n).bandwidth for n, edge in last.items()}
 
 
 @kept
-def _grid(case: OrdersCase) -> tuple[FloatArray, Any]:
-    omega = np.geomspace(2e-2, 2e2, 1200) * edges_of(case)[2]
-    return omega, case.plant(1j * omega) / case.model(1j * omega)
+def _grid(case: OrdersCase) -> tuple[ComplexArray, ComplexArray]:
+    s = 1j * np.geomspace(2e-2, 2e2, 1200) * edges_of(case)[2]
+    return s, case.plant(s) / case.model(s)
 
 
 def _peak(case: OrdersCase, order: int, bandwidth: float) -> float:
     """Compute Ms on a grid of frequencies; true only where the loop is stable."""
-    omega, R = _grid(case)
-    return grid_peak(_filter(order, bandwidth)(1j * omega), R)
+    s, R = _grid(case)
+    return grid_peak(_filter(order, bandwidth)(s), R)
 
 
 @kept
@@ -236,7 +231,6 @@ def _orders_case(rng: np.random.Generator) -> OrdersCase:
 
 
 def _order_and_time(given: Any) -> LowPassFilter:
-    """Read an order and a time constant, or the filter that has them."""
     if isinstance(given, LowPassFilter):
         return given
     order, value = things(given, "two things are asked for, (order, time constant in seconds)")
@@ -249,18 +243,12 @@ def _read_well(case: OrdersCase, F: LowPassFilter) -> str:
     ms = NRDOB(case.plant, case.model, 0.0, F).margins().plant_loop.ms
     if ms > case.max_ms * (1 + READING / 2):
         return f"its Ms is {ms:.3g}"
-    best = max(fastest_of(case).values())
-    if F.bandwidth < (1 - READING) * best:
+    if F.bandwidth < (1 - READING) * max(fastest_of(case).values()):
         return (
             f"its bandwidth is {F.bandwidth:.3g} rad/s, and more can be had; read again where the "
             "curves meet the line, or compute λ from the bandwidth again"
         )
     return ""
-
-
-def _read_alike(expected: tuple[int, float], got: LowPassFilter) -> bool:
-    order, value = expected
-    return got.order == order and near(value, got.time_constant, READING)
 
 
 def _times(bandwidths: dict[int, float], *orders: int) -> list[tuple[int, float]]:
@@ -269,7 +257,9 @@ def _times(bandwidths: dict[int, float], *orders: int) -> list[tuple[int, float]
 
 FASTEST_ORDER = pose(
     "4.2",
-    alike=_read_alike,
+    alike=lambda expected, got: (
+        got.order == expected[0] and near(expected[1], got.time_constant, READING)
+    ),
     case=_orders_case,
     reads=_order_and_time,
     lacks=_read_well,
@@ -284,22 +274,17 @@ FASTEST_ORDER = pose(
 
 # --- 4.3 One filter for three plants ------------------------------------------------------------
 
-FASTER = 1.05
-"""By how much a filter may be slower than needed."""
+FASTER = 1.05  # by how much a filter may be slower than needed
 
 
 @dataclass(frozen=True, eq=False)
 class PlantsCase:
-    """A plant as it is and as it may become, and what is asked of the filter.
+    """A plant as it is and as it may become, and what is asked of the filter."""
 
-    `plants`: the first is the plant as it is today; `order`: order of the filter; `max_ms`: limit
-    for Ms, with each of the plants.
-    """
-
-    plants: list[ct.TransferFunction]
+    plants: list[ct.TransferFunction]  # the first is the plant as it is today
     model: ct.TransferFunction
-    order: int
-    max_ms: float
+    order: int  # of the filter
+    max_ms: float  # limit for Ms, with each of the plants
 
     def __repr__(self) -> str:
         each = ", ".join(f"{gain:.3g}(1 − s/{zero:.3g})" for gain, zero in _errors(self))
@@ -316,9 +301,8 @@ def _errors(case: PlantsCase) -> list[tuple[float, float]]:
 
 def borders_of(case: PlantsCase, of_FH: bool = False) -> list[float]:
     """Give the smallest λ that meets the limit, for each plant, plus 1 %."""
-    return [
-        1.01 * _border(case.order, gain, case.max_ms, of_FH) / zero for gain, zero in _errors(case)
-    ]
+    n, ms = case.order, case.max_ms
+    return [1.01 * _border(n, gain, ms, of_FH) / zero for gain, zero in _errors(case)]
 
 
 def _last_edge(case: PlantsCase) -> float:
@@ -399,7 +383,6 @@ def _good_for_all(case: PlantsCase, got: LowPassFilter) -> str:
 def _slowed(
     example: Callable[[PlantsCase], float], recognises: Callable[[PlantsCase, float], bool]
 ) -> Misconception:
-    """Make a misconception that leads to another λ."""
     return Misconception(
         lambda case: LowPassFilter(example(case), case.order),
         lambda case, got: got.order == case.order and recognises(case, got.time_constant),
@@ -437,6 +420,219 @@ THREE_PLANTS = pose(
         "slower than needed": _slowed(
             lambda case: 3 * max(borders_of(case)),
             lambda case, value: _good(case, max(peaks_of(case, value))),
+        ),
+    },
+)
+
+
+# --- 4.5 Find the error: reduce the bandwidth ---------------------------------------------------
+
+SLOW = (1e2, 1e3, 1e4)
+"""Time constants against the slowest of plant and model: so slow that the limit has come."""
+
+
+@dataclass(frozen=True, eq=False)
+class SlowCase:
+    """A stable model without zeros in the right half plane, and the order of the filter."""
+
+    model: ct.TransferFunction
+    order: int  # 3 or more
+
+    def __repr__(self) -> str:
+        return f"{factored(self.model)}, n = {self.order}"
+
+
+def _onset(case: SlowCase) -> float:
+    """Give the size at which H(0) meets Γ_n, sec^n(π/n): the bound of G(0)/model(0), less 1."""
+    return gain_bound(case.order) - 1
+
+
+def _slow_case(rng: np.random.Generator) -> SlowCase:
+    gain = either_sign(rng) * draw(rng, 0.3, 5)
+    model = all_pole(draw(rng, 0.2, 1), draw(rng, 2, 6), gain=gain)
+    return SlowCase(model, int(rng.integers(3, 7)))
+
+
+def _mirrored(case: SlowCase, gain: float) -> ct.TransferFunction:
+    """Give the model times a gain, an unstable zero and a pole at its mirror image."""
+    speed = float(np.abs(case.model.poles()).max())
+    return gain * case.model * ct.tf([-1 / speed, 1], [1 / speed, 1])
+
+
+def _refutes(case: SlowCase, got: Any) -> str:
+    """Tell what keeps a plant from being a counterexample."""
+    if isinstance(got, DelayedTransferFunction) and got.delay:
+        return "it has a dead time; give a plant without one"
+    blocks = ObserverEquations(got, case.model, LowPassFilter(1.0, case.order)).fractions
+    G, Gm = blocks.G, blocks.Gm
+    # 1 + H = b/a: its zeros less its poles in the right half plane are the clockwise encirclements.
+    a, b = QuasiPolynomial(np.convolve(G.den, Gm.num)), QuasiPolynomial(np.convolve(G.num, Gm.den))
+    if np.any(a.roots.real >= 0):
+        return Lack("unstable", "this plant is not stable")
+    g0, encirclements = float(b.q[-1] / a.q[-1]), int(np.sum(b.roots.real >= 0))
+    if not g0 > 0:
+        words = f"G(0)/model(0) is {g0:.3g}; the two are to have the same sign"
+        return Lack("sign" if g0 < 0 else "", words)
+    slowest = 1 / min(float(np.abs(p.without_origin.roots).min(initial=inf)) for p in (a, b))
+    filters = [LowPassFilter(factor * slowest, case.order) for factor in SLOW]
+    unstable = all(observer_stable(got, case.model, F) is False for F in filters)
+    beyond = "H(0)" if _onset(case) < g0 <= _onset(case) + 1 else ""
+    if not unstable or stable_for_slow_filters(got, case.model, case.order).holds is not False:
+        return Lack(
+            beyond or ("zero" if encirclements and g0 <= _onset(case) else ""),
+            f"a slow enough filter makes this loop stable; G(0)/model(0) is {g0:.3g}, and H "
+            f"makes {encirclements} clockwise encirclements of -1",
+        )
+    return "" if encirclements else Lack(beyond or "turn", "H does not encircle -1 clockwise")
+
+
+SLOW_FILTER = pose(
+    "4.5",
+    case=_slow_case,
+    reads=block,
+    lacks=_refutes,
+    misconceptions={
+        "a zero in the right half plane alone": lacking("zero", lambda case: _mirrored(case, 1.0)),
+        "H(0) mixed up with G(0)/model(0)": lacking(
+            "H(0)", lambda case: _mirrored(case, _onset(case) + 0.5)
+        ),
+        "no turn that could be avoided": lacking(
+            "turn", lambda case: (_onset(case) + 3) * case.model
+        ),
+        "opposite DC signs": lacking("sign", lambda case: -case.model),
+        "unstable plant": lacking("unstable", lambda case: case.model * ct.tf([1, 1], [1, -1])),
+    },
+)
+
+
+# --- 4.6 Better than equal lags -----------------------------------------------------------------
+
+
+@dataclass(frozen=True, eq=False)
+class BetterCase:
+    """A model that is right, and what a filter should do."""
+
+    model: ct.TransferFunction  # and the plant
+    noise: float  # limit for the power of white noise at y, in 1/s
+    error: float  # limit for the integral of the squared error after a unit step of d, in s
+    fastest: float  # limit for the poles of the filter, in rad/s
+
+    def __repr__(self) -> str:
+        return (
+            f"{factored(self.model)}, noise ≤ {self.noise:g}, error ≤ {self.error:g}, poles up "
+            f"to {self.fastest:g} rad/s"
+        )
+
+
+def _order(case: BetterCase) -> int:
+    return as_fraction(case.model, "model").relative_degree
+
+
+class _Price(NamedTuple):
+    """What a filter costs, and whether it may be used at all."""
+
+    noise: float
+    error: float
+    speed: float
+    poles: ComplexArray
+    causal: bool
+
+
+def _price(case: BetterCase, filter: Any) -> _Price:
+    num, den = filter_fraction(filter)
+    poles = np.roots(den).astype(complex)
+    return _Price(
+        noise=rational_power(num, den),
+        error=rational_power(np.polysub(den, num)[:-1], den),  # of (1 - F)/s
+        speed=float(np.abs(poles).max()),
+        poles=poles,
+        causal=den.size - num.size >= _order(case),
+    )
+
+
+def _spread(case: BetterCase, slow: float, ratio: float) -> ct.TransferFunction:
+    return all_pole(slow, *[ratio * slow] * (_order(case) - 1))
+
+
+def _better_case(rng: np.random.Generator) -> BetterCase:
+    order = int(rng.integers(3, 5))
+    slowest = draw(rng, 0.5, 5)
+    poles = [slowest, *(few(slowest * rng.uniform(2, 5)) for _ in range(order - 1))]
+    free = BetterCase(all_pole(*poles, gain=draw(rng, 0.5, 5)), inf, inf, inf)
+    slow = slowest * float(rng.uniform(3, 6))
+    price = _price(free, _spread(free, slow, 4.0))
+    return BetterCase(
+        free.model,
+        noise=few(1.03 * price.noise, 3),
+        error=few(1.04 * price.error, 3),
+        fastest=few(6.5 * slow),
+    )
+
+
+def _beats(case: BetterCase, got: Any) -> str:
+    price = _price(case, got)
+    if not price.causal:
+        words = "F/model is not causal"
+    elif observer_stable(case.model, case.model, got) is not True:
+        words = "the loop is not stable"
+    elif price.speed > case.fastest * LEEWAY:
+        words = f"its fastest pole is {price.speed:.4g} rad/s"
+    else:
+        found = {name: getattr(price, name) for name in ("noise", "error")}
+        words = " and ".join(
+            f"the {name} is {value:.4g}"
+            for name, value in found.items()
+            if value > getattr(case, name) * LEEWAY
+        )
+    return words and Lack(_mistake(case, price), words)
+
+
+def _mistake(case: BetterCase, price: _Price) -> str:
+    product, order = price.noise * price.error, _order(case)
+    if not price.causal:
+        return "too few"
+    if np.abs(price.poles / price.poles.mean() - 1).max() < 0.02:
+        return "equal"
+    if product > noise_index(order) * disturbance_index(order) * LEEWAY:
+        return "flat"
+    kept = price.noise <= case.noise * LEEWAY and price.error <= case.error * LEEWAY
+    if price.speed > case.fastest * LEEWAY and kept:
+        return "fast"
+    return "scale" if product <= case.noise * case.error * LEEWAY else ""
+
+
+def _scaled(case: BetterCase, poles: list[float]) -> ct.TransferFunction:
+    """Scale a filter in time so that noise and error miss their limits by the same factor."""
+    price = _price(case, all_pole(*poles))
+    factor = ((case.noise / price.noise) / (case.error / price.error)) ** 0.5
+    return all_pole(*(factor * pole for pole in poles))
+
+
+def _slow(case: BetterCase) -> float:
+    """Speed of the slow pole of a good filter."""
+    return case.fastest / 6.5
+
+
+def _butterworth(case: BetterCase) -> ct.TransferFunction:
+    num, den = butter(_order(case), 2 * _slow(case), analog=True)
+    return ct.tf(num, den)
+
+
+BETTER = pose(
+    "4.6",
+    case=_better_case,
+    reads=block,
+    lacks=_beats,
+    own=True,
+    misconceptions={
+        "too few poles": lacking("too few", lambda case: _scaled(case, [1.0])),
+        "equal lags": lacking("equal", lambda case: _scaled(case, [1.0] * _order(case))),
+        "flat rather than early": lacking("flat", _butterworth),
+        "a pole that is too fast": lacking(
+            "fast", lambda case: _scaled(case, [1.0] + [12.0] * (_order(case) - 1))
+        ),
+        "right shape, wrong scale": lacking(
+            "scale", lambda case: _spread(case, 0.8 * _slow(case), 5.0)
         ),
     },
 )

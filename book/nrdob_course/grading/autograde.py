@@ -73,11 +73,9 @@ def course(root: Path) -> NbGraderAPI:
 REMARKS: list[str] = []
 """What happened while the cells ran, each as often as it did; this process runs one notebook."""
 
-FORK_SERVERS: list[Child] = []
-"""What starts kernels quickly, if there is one: the last."""
+FORK_SERVERS: list[Child] = []  # what starts kernels quickly, if there is one: the last
 
-GROUPS: list[Any] = []
-"""The groups that the answers were given for."""
+GROUPS: list[Any] = []  # the groups that the answers were given for
 
 
 class PatientExecute(Execute):  # type: ignore[misc]
@@ -145,8 +143,7 @@ class PatientExecute(Execute):  # type: ignore[misc]
                 if len(self.left_out) == self.most_deaths:
                     raise
                 why = next((why for kind, why in WHY.items() if isinstance(error, kind)), BROKE)
-                why = TOO_FULL if full.is_set() else why
-                self.left_out[self.at] = why
+                why = self.left_out[self.at] = TOO_FULL if full.is_set() else why
                 REMARKS.append(f"{name_of(nb.cells[self.at])} was left out: {why}")
 
     def kernel(self) -> int | None:
@@ -158,9 +155,9 @@ class PatientExecute(Execute):  # type: ignore[misc]
         connection = self.workdir / "connection.json"
         manager = self.kernel_manager_class(connection_file=str(connection), config=self.config)
         command = [sys.executable, "-P", "-m", KERNEL, str(connection), str(self.workdir)]
-        manager._kernel_spec = KernelSpec(argv=command, language="python", display_name="sandboxed")
+        spec = KernelSpec(argv=command, language="python", display_name="sandboxed")
+        manager._kernel_spec = spec
         if FORK_SERVERS:
-            spec = manager._kernel_spec
             manager.provisioner = Provisioner(kernel_id="", kernel_spec=spec, parent=manager)
             manager.provisioner.server = FORK_SERVERS[-1]
         self.km = manager
@@ -169,9 +166,8 @@ class PatientExecute(Execute):  # type: ignore[misc]
     async def async_start_new_kernel(self, **kwargs: Any) -> None:
         """Start the kernel in its workdir; its environment holds what it needs, and no more."""
         self.extra_arguments: list[str] = []
-        await super().async_start_new_kernel(
-            **{**kwargs, "cwd": str(self.workdir), "env": surroundings(self.workdir)}
-        )
+        kwargs |= {"cwd": str(self.workdir), "env": surroundings(self.workdir)}
+        await super().async_start_new_kernel(**kwargs)
 
     start_new_kernel = run_sync(async_start_new_kernel)
 
@@ -179,8 +175,8 @@ class PatientExecute(Execute):  # type: ignore[misc]
         """Execute one cell, or judge what it tests."""
         self.at, self.size = index, 0
         if index in self.left_out:
-            self.verdicts[index] = failure("CellLeftOut", self.left_out[index])
-            cell.outputs = [self.verdicts[index]]
+            cell.outputs = [failure("CellLeftOut", self.left_out[index])]
+            self.verdicts[index] = cell.outputs[0]
             return cell, resources
         if is_test(cell):
             cell.outputs = []
@@ -281,8 +277,7 @@ SAID = {"stream", "display_data", "execute_result", "error"}
 
 TOO_SLOW = "TooSlow"
 
-PATIENCE = 1.5
-"""How much longer the clock of the grading waits than the student was told."""
+PATIENCE = 1.5  # how much longer the clock of the grading waits than the student was told
 
 
 def slow(seconds: float) -> dict[str, Any]:

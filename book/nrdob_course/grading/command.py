@@ -1,17 +1,7 @@
 """Give out the problem sets, and grade what comes back.
 
-    python -m nrdob_course.grading release             student copies and solutions
-    python -m nrdob_course.grading grade FOLDER        grade what students handed in
-    python -m nrdob_course.grading report [TABLE …]    after marks were written by hand
-    python -m nrdob_course.grading regrade             judge some of it anew
-    python -m nrdob_course.grading override            change the points of one answer
-
-FOLDER holds a folder for each student with the notebook in it, ``FOLDER/anna/set2.ipynb``, or is
-what Moodle or Canvas exports, zipped or not. The result is a course in nbgrader's layout:
-``grades.csv`` and ``course.csv``, the feedback of each student and the archives in which Moodle and
-Canvas take it, ``written.csv`` and ``marking.html`` for the answers to be marked by hand,
-``class.html``, ``similar.csv``, and nbgrader's gradebook. What was changed later stands in
-``changes.csv``. Roster, deadlines and the rule for late ones stand in ``course.toml``.
+The result is a course in nbgrader's layout, with tables and pages of ours: see
+``book/teaching/running.md``, and ``python -m nrdob_course.grading --help``.
 """
 
 from __future__ import annotations
@@ -116,10 +106,8 @@ def grade(
 
 def released(target: Path, names: set[str]) -> dict[str, Notebook]:
     """Give the students' copy of each of some sets, made anew."""
-    return {
-        name: nbformat.read(generate(target, SOURCE, name) / f"{name}.ipynb", as_version=4)
-        for name in sorted(names)
-    }
+    places = {name: generate(target, SOURCE, name) for name in sorted(names)}
+    return {name: nbformat.read(p / f"{name}.ipynb", as_version=4) for name, p in places.items()}
 
 
 NO_SANDBOX = (
@@ -178,10 +166,8 @@ def compare(
         rows = [row for row in before if row["set"] not in given_out]
     for name, skeleton in given_out.items():
         graded = [e for e in records.entries if e["set"] == name and not e["reason"]]
-        notebooks = {
-            entry["student"]: nbformat.read(target / marks.place_of(entry), as_version=4)
-            for entry in graded
-        }
+        places = {entry["student"]: target / marks.place_of(entry) for entry in graded}
+        notebooks = {who: nbformat.read(place, as_version=4) for who, place in places.items()}
         copies = similar.copies(notebooks, skeleton, solutions[name])
         found = similar.pairs(notebooks, skeleton)
         rows += [{"set": name, **line} for line in similar.told([*copies, *found])]
@@ -329,13 +315,9 @@ def regrade(
     """
     records = records_of(target)
     sets = {f"set{problem.partition('.')[0]}" for problem in problems}
-    chosen = [
-        entry
-        for entry in records.entries
-        if not entry["reason"]
-        and (not students or entry["student"] in students)
-        and (not sets or entry["set"] in sets)
-    ]
+    chosen = [entry for entry in records.entries if not entry["reason"]]
+    chosen = [entry for entry in chosen if not students or entry["student"] in students]
+    chosen = [entry for entry in chosen if not sets or entry["set"] in sets]
     if unknown := set(students) - {entry["student"] for entry in chosen}:
         raise CourseError(f"nothing of {', '.join(sorted(unknown))} is graded there")
     if not chosen:
@@ -351,11 +333,9 @@ def regrade(
             failed += 1
             print(f"not regraded: {submission.name}: {outcome.reason}", flush=True)
             continue
-        outcome.grades = {
-            cell: points
-            for cell, points in outcome.grades.items()
-            if not problems or problem_of(cell) in problems
-        }
+        for cell in list(outcome.grades):
+            if problems and problem_of(cell) not in problems:
+                del outcome.grades[cell]
         with course(target).gradebook as gradebook:
             before = {grade.name: grade.auto_score for grade in grades_of(gradebook, entry)}
             marks.enter(gradebook, entry["folder"], outcome)

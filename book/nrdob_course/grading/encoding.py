@@ -29,8 +29,7 @@ __all__ = [
 
 MIME = "application/vnd.nrdob.answer+json"
 
-HANDOUT = "handout.json"
-"""The file in which a kernel finds what was handed out to it."""
+HANDOUT = "handout.json"  # the file in which a kernel finds what was handed out to it
 
 LONGEST, LONGEST_TEXT = 2_000_000, 1000
 """Letters of an answer, of which a longer one is not taken, and of a text in it."""
@@ -117,10 +116,8 @@ def _count(data: Any) -> int:
     while waiting:
         each = waiting.pop()
         count += 1
-        if isinstance(each, dict):
-            waiting += each.values()
-        elif isinstance(each, list):
-            waiting += each
+        if isinstance(each, dict | list):
+            waiting += each.values() if isinstance(each, dict) else each
     return count
 
 
@@ -207,8 +204,7 @@ def _told(answer: Any, case: str) -> str:
     except (RecursionError, TypeError, ValueError) as error:  # a list that holds itself
         text = json.dumps({"value": {"other": [type(error).__name__, str(error)[:300]]}})
     if len(text) > LONGEST:
-        told = {"value": {"other": ["answer", f"an answer of {len(text)} letters"]}}
-        return json.dumps(told)
+        return json.dumps({"value": {"other": ["answer", f"an answer of {len(text)} letters"]}})
     return text
 
 

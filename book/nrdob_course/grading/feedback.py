@@ -101,7 +101,6 @@ def _kept(tag: str, attribute: str, value: str) -> str | None:
 
 
 def _convert(text: Any) -> None:
-    """Replace the formulas of one piece of text."""
     pieces: list[Any] = []
     end = 0
     for match in FORMULA.finditer(str(text)):

@@ -20,7 +20,7 @@ from .encoding import packed
 
 __all__ = ["cut", "handout", "own_cases"]
 
-TOOLS = {("cases", "factored"), ("figures", "draw_without_count"), ("set5_edges", "draw_edge")}
+TOOLS = {("cases", "factored"), ("figures", "draw_without_count"), ("set5", "draw_edge")}
 """What the notebooks import besides, by module and name."""
 
 

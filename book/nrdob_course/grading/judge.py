@@ -15,6 +15,7 @@ import os
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from multiprocessing.connection import Connection
 from typing import Any
 
@@ -59,25 +60,14 @@ def hidden_test(source: str) -> HiddenTest | None:
     return None
 
 
-@dataclass(frozen=True)
-class Remote:
-    """A function of the student's, called where it is."""
-
-    expression: str
-    ask: Ask
-
-    def __call__(self, case: Any) -> Any:
-        """Send the case, and give back the answer."""
-        return _value(self.ask(asking(self.expression, packed(case))))
-
-
 def judge(test: HiddenTest, ask: Ask) -> tuple[Points, Any]:
     """Give the points of an answer, and the group that it was given for."""
     group = _value(ask(asking(test.group)))
     if not isinstance(group, int | float):
         group = str(group)[:50]
     told = json.loads(ask(asking(test.answer)))
-    answer = Remote(test.answer, ask) if "function" in told else decode(told["value"])
+    # A function of the student's is called where it is.
+    answer = partial(_called, ask, test.answer) if "function" in told else decode(told["value"])
     return score(test.problem, answer, group, **test.settings), group
 
 
@@ -133,6 +123,10 @@ def asking(expression: str, case: str = "") -> str:
     """Write what the student's process is to run."""
     module = f"{__package__}.encoding"
     return f"__import__({module!r}, fromlist=['tell']).tell({expression}, {case!r})"
+
+
+def _called(ask: Ask, expression: str, case: Any) -> Any:
+    return _value(ask(asking(expression, packed(case))))
 
 
 def _value(text: str) -> Any:

@@ -91,10 +91,9 @@ class Graders(MetaPathFinder, Loader):
         if module.__name__ != self.package:
             exec(compile(self.of(module.__name__), f"<{module.__name__}>", "exec"), vars(module))
             return
-        given = {
-            name: getattr(import_module(f"{self.package}.{m}"), name) for m, name in self.tools
-        }
-        vars(module).update(check=not_now, own_case=self.own_case, add=self.add, **given)
+        vars(module).update(check=not_now, own_case=self.own_case, add=self.add)
+        for beside, name in self.tools:
+            vars(module)[name] = getattr(import_module(f"{self.package}.{beside}"), name)
 
     def own_case(self, id: str, group: Any) -> Any:
         """Give the case of a group."""

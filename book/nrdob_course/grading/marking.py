@@ -165,7 +165,6 @@ def write_tally(path: Path, root: Path, found: Sequence[Line]) -> None:
 
 
 def _set(name: str, graded: list[Line], counts: Counter[tuple[str, str]]) -> dict[str, Any]:
-    """Give what the page says of a set."""
     shares: dict[str, list[float]] = {}
     for grade in (grade for line in graded for grade in line.grades):
         given = shares.setdefault(problem_of(grade.name), [])

@@ -65,9 +65,8 @@ class Records:
     def __init__(self, path: Path) -> None:
         self.path = path
         try:
-            self.entries: list[Record] = (
-                json.loads(path.read_text("utf-8")) if path.exists() else []
-            )
+            text = path.read_text("utf-8") if path.exists() else "[]"
+            self.entries: list[Record] = json.loads(text)
         except ValueError as error:
             raise ValueError(f"{path.name} cannot be read: {error}") from None
 
@@ -125,9 +124,8 @@ class Records:
                 if known is None or known.group != entry["group"]:
                     holders.setdefault((entry["set"], entry["group"]), []).append(entry)
         for (_, group), entries in holders.items():
-            if len(entries) > 1:
-                for entry in entries:
-                    entry["remarks"].append(f"{SHARED}{len(entries)} notebooks: group {group}")
+            for entry in entries if len(entries) > 1 else ():
+                entry["remarks"].append(f"{SHARED}{len(entries)} notebooks: group {group}")
 
     def save(self) -> None:
         """Store the entries beside the gradebook."""
@@ -265,17 +263,16 @@ def write_grades(path: Path, found: list[Line]) -> None:
     rows, problems = [], set()
     for line in found:
         entry = line.entry
+        refused = [f"not graded: {entry['reason']}"] if entry["reason"] else []
         row = {
             "student": entry["student"],
             "set": entry["set"],
             "group": "" if entry["group"] is None else entry["group"],
             "to mark by hand": " ".join(line.open),
             "late": line.late,
-            "remarks": "; ".join(entry["remarks"]),
+            "remarks": "; ".join([*refused, *entry["remarks"]]),
         }
-        if entry["reason"]:
-            row["remarks"] = "; ".join([f"not graded: {entry['reason']}", *entry["remarks"]])
-        else:
+        if not refused:
             row["total"], row["max"] = number(line.earned), number(line.most)
         for grade in line.grades:
             row[problem_of(grade.name)] = "" if unmarked(grade) else number(grade.score)

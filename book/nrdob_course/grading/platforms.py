@@ -28,27 +28,21 @@ CANVAS = re.compile(
 )
 AGAIN = re.compile(r"-(\d+)(?=(\.\w+)*$)")
 
-MOST_BYTES, MOST_FILES = 2_000_000_000, 20_000
-"""Of all that an archive unpacks to."""
+MOST_BYTES, MOST_FILES = 2_000_000_000, 20_000  # of all that an archive unpacks to
 ONE_FILE = 200_000_000
 
 
 @dataclass(frozen=True)
 class Owner:
-    """Whose a file is, as the platform, "moodle" or "canvas", says it in its name.
-
-    `late` is what Canvas says; `turn` grows with each time that the same file is handed in; `text`
-    was typed into the platform; `back` is the name under which it takes feedback: the folder of
-    Moodle's, or the beginning of a file's name of Canvas'.
-    """
+    """Whose a file is, as the platform says it in its name."""
 
     student: str
-    platform: str = ""
+    platform: str = ""  # "moodle" or "canvas"
     identifier: str = ""
-    late: bool = False
-    turn: tuple[int, int] = (0, 0)
-    text: bool = False
-    back: str = ""
+    late: bool = False  # says Canvas
+    turn: tuple[int, int] = (0, 0)  # grows each time that the same file is handed in
+    text: bool = False  # typed into the platform
+    back: str = ""  # where feedback goes: Moodle's folder, or how the file's name begins in Canvas
 
 
 def owner_of(name: str) -> tuple[Owner, str] | None:
@@ -63,19 +57,16 @@ def owner_of(name: str) -> tuple[Owner, str] | None:
     True
     """
     if match := MOODLE.match(name):
-        student = match["name"]
+        student, file = match["name"], match["file"] or ""
         if student.casefold() in ("participant", "teilnehmer", "participante"):  # marked blindly
             student = f"{student} {match['identifier']}"
-        text = match["kind"] == "onlinetext"
-        back = name.removesuffix(match["file"] or "").rstrip("_") + "_"
-        owner = Owner(student, "moodle", match["identifier"], text=text, back=back)
-        return owner, match["file"] or ""
+        text, back = match["kind"] == "onlinetext", name.removesuffix(file).rstrip("_") + "_"
+        return Owner(student, "moodle", match["identifier"], text=text, back=back), file
     if match := CANVAS.match(name):
         again = AGAIN.search(match["file"])
         turn = (int(match["number"]), int(again[1]) if again else 0)
-        late, back = bool(match["late"]), PurePosixPath(name).stem
-        owner = Owner(match["name"], "canvas", match["identifier"], late, turn, back=back)
-        return owner, AGAIN.sub("", match["file"])
+        known = match["name"], "canvas", match["identifier"], bool(match["late"]), turn
+        return Owner(*known, back=PurePosixPath(name).stem), AGAIN.sub("", match["file"])
     return None
 
 

@@ -33,11 +33,8 @@ def suspicious(cells: Iterable[Any], given_out: Iterable[Any]) -> list[str]:
         for sign in _signs(cell):
             if sign not in usual and sign not in found.setdefault(cell.id, []):
                 found[cell.id].append(sign)
-    return [
-        f"{name} does what no answer needs: {', '.join(signs[:5])}"
-        for name, signs in found.items()
-        if signs
-    ]
+    told = {name: ", ".join(signs[:5]) for name, signs in found.items() if signs}
+    return [f"{name} does what no answer needs: {signs}" for name, signs in told.items()]
 
 
 def parsed(source: str) -> ast.Module | None:

@@ -57,9 +57,8 @@ class Course:
     def find(self, name: str, identifier: str = "") -> Student | None:
         """Find who is meant: by number, or by a name that is nobody else's."""
         for student in self.students:
-            if identifier and identifier == student.identifier:
-                return student
-            if name in (student.identifier, self.called(student)):
+            numbered = identifier and identifier == student.identifier
+            if numbered or name in (student.identifier, self.called(student)):
                 return student
         found = self.namesakes(name)
         return found[0] if len(found) == 1 else None
@@ -116,8 +115,7 @@ class Course:
 
 UNPLANNED = Course()
 
-MOST = 1_000_000
-"""Largest number in the rules of a course."""
+MOST = 1_000_000  # largest number in the rules of a course
 
 
 def spellings(name: str) -> set[str]:

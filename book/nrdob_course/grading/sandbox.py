@@ -31,8 +31,7 @@ __all__ = [
 
 NOBODY = 65534
 
-COURSE = Path(__file__).resolve().parents[1]
-"""The graders, which no student's code may read."""
+COURSE = Path(__file__).resolve().parents[1]  # the graders, which no student's code may read
 PACKAGE = Path(nrdob.__file__).resolve().parent
 
 # The numbers of Linux, the same on every processor: include/uapi/linux/landlock.h.
@@ -49,8 +48,7 @@ DATA = (
 )  # fmt: skip
 BOTH_WAYS = ("/dev/null", "/dev/zero", "/dev/full")
 
-MEMORY = 5 << 28
-"""Bytes, 1.25 GiB, that a process may use besides what its libraries take."""
+MEMORY = 5 << 28  # bytes, 1.25 GiB, that a process may use besides what its libraries take
 FILE_SIZE, FILES = 20 << 20, 256
 
 
@@ -77,8 +75,7 @@ def _call(number: int, *arguments: object) -> int:
     return int(ctypes.CDLL(None, use_errno=True).syscall(number, *arguments))
 
 
-def _checked(number: int, *arguments: object) -> int:
-    result = _call(number, *arguments)
+def _checked(result: int) -> int:
     if result < 0:
         raise OSError(ctypes.get_errno(), "the sandbox for students' code cannot be built")
     return result
@@ -109,16 +106,14 @@ def build(workdir: Path, ports: Iterable[int]) -> None:
     """
     ruleset = None if missing() else _rules(workdir, ports)
     if sys.platform == "linux":
-        libc = ctypes.CDLL(None, use_errno=True)
-        if libc.prctl(NO_NEW_PRIVILEGES, 1, 0, 0, 0):
-            raise OSError(ctypes.get_errno(), "the sandbox for students' code cannot be built")
+        _checked(ctypes.CDLL(None, use_errno=True).prctl(NO_NEW_PRIVILEGES, 1, 0, 0, 0))
     if is_root():
         if not stays_root():
             _become_nobody(workdir)
         elif sys.platform == "linux":
             _drop_rights()
     if ruleset is not None:
-        _checked(RESTRICT, ruleset, 0)
+        _checked(_call(RESTRICT, ruleset, 0))
         os.close(ruleset)
 
 
@@ -189,7 +184,7 @@ def _rules(workdir: Path, ports: Iterable[int]) -> int:
     scoped = 0b11 if number >= 6 else 0
     rules = struct.pack("QQQ", everything, network, scoped)
     size = 24 if number >= 6 else 16 if number >= 4 else 8
-    ruleset = _checked(CREATE, rules[:size], size, 0)
+    ruleset = _checked(_call(CREATE, rules[:size], size, 0))
     # What is imported later must still be found, so folders can be listed that were taken apart.
     for path in {PACKAGE, *(Path(path) for path in sys.path if _is_library(Path(path)))}:
         _allow(ruleset, path, LIST)
@@ -199,7 +194,7 @@ def _rules(workdir: Path, ports: Iterable[int]) -> int:
         _allow(ruleset, Path(name), READ | WRITE)
     _allow(ruleset, workdir, everything & ~(EXECUTE | DEVICES | CONTROL))
     for port in ports if network else ():
-        _checked(ADD, ruleset, 2, struct.pack("QQ", PORT, port), 0)
+        _checked(_call(ADD, ruleset, 2, struct.pack("QQ", PORT, port), 0))
     return ruleset
 
 
@@ -217,7 +212,7 @@ def _allow(ruleset: int, path: Path, rights: int) -> None:
     if not path.is_dir():
         rights &= FILE
     try:
-        _checked(ADD, ruleset, 1, struct.pack("=Qi", rights, place), 0)
+        _checked(_call(ADD, ruleset, 1, struct.pack("=Qi", rights, place), 0))
     finally:
         os.close(place)
 
@@ -227,8 +222,7 @@ def _drop_rights() -> None:
     libc = ctypes.CDLL(None, use_errno=True)
     for right in range(64):
         libc.prctl(DROP_FROM_BOUNDS, right, 0, 0, 0)
-    if libc.capset(struct.pack("Ii", 0x20080522, 0), bytes(24)):
-        raise OSError(ctypes.get_errno(), "the sandbox for students' code cannot be built")
+    _checked(libc.capset(struct.pack("Ii", 0x20080522, 0), bytes(24)))
 
 
 def _become_nobody(workdir: Path) -> None:

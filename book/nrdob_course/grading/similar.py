@@ -20,12 +20,9 @@ from .remarks import parsed
 
 __all__ = ["PUBLISHED", "Pair", "copies", "pairs", "told"]
 
-RUN = 5
-"""Symbols, or words, that are compared together."""
-FEWEST = 12
-"""Runs that an answer must have, to be compared at all."""
-ALIKE = 0.8
-"""Share of the runs of the shorter answer that the other one has, too."""
+RUN = 5  # symbols, or words, that are compared together
+FEWEST = 12  # runs that an answer must have, to be compared at all
+ALIKE = 0.8  # share of the runs of the shorter answer that the other one has, too
 COMMON, FEW = 0.25, 4
 """What more than this share of a class has written, and more than a few, is nobody's."""
 PUBLISHED = "the published solution"

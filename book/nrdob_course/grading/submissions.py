@@ -357,9 +357,8 @@ def repair(submission: Submission, released: Notebook, assigned: int | None = No
     missing = [name for name in missing if name != group_cell.id]
     if missing:
         remarks.append(f"put back: {_listed(missing)}")
-    locked = {
-        c.id: c.source for c in released.cells if _within(c, "metadata", "nbgrader", "locked")
-    }
+    is_locked = [c for c in released.cells if _within(c, "metadata", "nbgrader", "locked")]
+    locked = {cell.id: cell.source for cell in is_locked}
     changed = [cell.id for cell in cells if locked.get(cell.id, cell.source) != cell.source]
     if changed:
         remarks.append(f"restored: {_listed(changed)}")
@@ -397,11 +396,8 @@ def _listed(names: list[str]) -> str:
 
 def _recognised(notebook: Notebook, known: Mapping[str, Cell]) -> tuple[list[Cell], list[str]]:
     """Rebuild each cell; those of the set get their name and metadata back."""
-    by_grade_id = {
-        cell.metadata.nbgrader.grade_id: cell.id
-        for cell in known.values()
-        if "nbgrader" in cell.metadata
-    }
+    graded = [cell for cell in known.values() if "nbgrader" in cell.metadata]
+    by_grade_id = {cell.metadata.nbgrader.grade_id: cell.id for cell in graded}
     keys = []
     for cell in notebook.cells:
         names = (by_grade_id.get(name, name) for name in _names(cell))

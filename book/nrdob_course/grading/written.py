@@ -44,8 +44,7 @@ __all__ = [
 
 WRITTEN = ("student", "set", "problem", "of", "points", "comment", "answer", "feedback")
 
-Key = tuple[str, str, str]
-"""Student, set and problem."""
+Key = tuple[str, str, str]  # student, set and problem
 
 
 @dataclass
@@ -84,11 +83,10 @@ def read_written(
         return typed
     try:
         rows = read_table(path)
-        columns = set(rows[0][1]) if rows else {"student", *WRITTEN}
-        missing = [name for name in ("set", "problem", "points") if name not in columns]
-        if missing or not columns & {"student", "code"}:
-            told = missing[0] if missing else "student"
-            raise ValueError(f"{path.name}, line 1: there is no column {told!r}")
+        columns = set(rows[0][1]) if rows else set(WRITTEN)
+        whose = "code" if "code" in columns else "student"
+        if missing := [name for name in ("set", "problem", "points", whose) if name not in columns]:
+            raise ValueError(f"{path.name}, line 1: there is no column {missing[0]!r}")
         if wide := [line for line, row in rows if None in row]:
             raise ValueError(
                 f"{path.name}, line {wide[0]}: it has more cells than the first line; "
@@ -200,8 +198,7 @@ def answers_of(beside: Path, entry: Record) -> Iterable[tuple[str, Any]]:
 
 LOG = "changes.csv"
 LOG_COLUMNS = ("when", "who", "how", "student", "set", "problem", "old", "new", "why")
-AUTO = "auto"
-"""Stands for the points of an override that was withdrawn."""
+AUTO = "auto"  # stands for the points of an override that was withdrawn
 
 
 def log(root: Path, how: str, who: str, why: str, rows: Iterable[tuple[Key, str, str]]) -> None:
@@ -254,9 +251,8 @@ def override(
         there = ", ".join(sorted(entries))
         raise ValueError(f"nothing of {student} is graded in {name}; there are: {there}")
     grades = {problem_of(grade.name): grade for grade in grades_of(gradebook, entry)}
-    if problem not in grades:
+    if not (grade := grades.get(problem)):
         raise ValueError(f"{name} has no problem {problem!r}; it has {', '.join(grades)}")
-    grade = grades[problem]
     wrong = wrong_points(points, grade.max_score) if points else "no points are given"
     if wrong and points != AUTO:
         raise ValueError(f"{wrong}; give a number, or {AUTO} to withdraw an override")
