@@ -45,7 +45,7 @@ from ..numerics import (
     values_and_slopes,
 )
 
-__all__ = ["SLAB", "Feedback", "Moving", "PlantBatch", "moving"]
+__all__ = ["SLAB", "Feedback", "PlantBatch"]
 
 SLAB = 500  # plants looked at together: what they need fits into the cache
 
@@ -104,38 +104,6 @@ def _read(block: Any) -> tuple[tuple[FloatArray, FloatArray], float]:
         return (np.full(1, np.nan), np.ones(1)), 0.0
     prompt, delay = undelayed(block)
     return as_fraction(prompt, "the plant", proper=False), delay
-
-
-class Moving(NamedTuple):
-    """A polynomial whose roots move, each by a factor of its own, and pairs together.
-
-    Fixed are roots at s = 0 and the first coefficient that is not 0; of a pair there is the root
-    with positive imaginary part.
-    """
-
-    fixed: FloatArray
-    roots: ComplexArray
-
-    def moved(self, factors: list[FloatArray]) -> FloatArray:
-        """Multiply every root by its factor, (n,) each; the value, or slope, at s = 0 remains."""
-        product = self.fixed[:, None]
-        for root, factor in zip(self.roots.tolist(), factors, strict=True):
-            one = np.ones_like(factor)
-            if root.imag:
-                size = abs(root) * factor
-                rows = [size**-2, -2 * (root.real / abs(root)) / size, one]
-            else:
-                rows = [-1 / (root.real * factor), one]
-            product = convolved(product, np.array(rows))
-        return product
-
-
-def moving(p: FloatArray) -> Moving:
-    """Take a polynomial, descending coefficients, apart into its roots and what remains."""
-    used = np.flatnonzero(p)[-1] + 1
-    fixed = np.append(p[used - 1], np.zeros(p.size - used))
-    roots = np.roots(p[:used]).astype(complex)
-    return Moving(fixed, roots[roots.imag >= 0])
 
 
 class Feedback:

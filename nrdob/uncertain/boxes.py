@@ -148,7 +148,7 @@ def delay_intervals(loop: NRDOB, low: float, high: float) -> list[tuple[float, f
     >>> [(a, round(b, 6)) for a, b in delay_intervals(loop, 0, 1)]             # up to λπ/2
     [(0.0, 0.314159)]
     """
-    span = _interval("delay", (low, high))
+    span = read_range("delay", (low, high))
     if loop.delay + span.low < 0:
         raise ValueError(
             f"low is {low:g} s, and the process has a dead time of {loop.delay:g} s: nothing "
@@ -281,7 +281,7 @@ def largest_box(loop: NRDOB, *, gain: Any = None, delay: Any = None, lag: Any = 
     (0.2588, {'gain': 1.2588, 'delay': 0.0, 'lag': 0.0518})
     """
     every = {"gain": gain, "delay": delay, "lag": lag}
-    given = {name: _interval(name, each) for name, each in every.items() if each is not None}
+    given = {name: read_range(name, each) for name, each in every.items() if each is not None}
     if not given:
         raise ValueError("there is no box; give one or more of gain, delay and lag")
     asked = {name: given.get(name, Interval(each, each)) for name, each in NOMINAL.items()}
@@ -477,10 +477,3 @@ def _with(loop: NRDOB, *, gain: float = 1.0, delay: float = 0.0) -> NRDOB:
     total = loop.delay + delay
     plant = DelayedTransferFunction((gain * num, den), total) if total else (gain * num, den)
     return replace(loop, process=plant)
-
-
-def _interval(name: str, given: Any) -> Interval:
-    read = read_range(name, given)
-    if not isinstance(read, Interval):
-        raise TypeError(f"{name} is a distribution; exact boxes take intervals")
-    return read

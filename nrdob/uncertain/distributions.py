@@ -1,4 +1,4 @@
-"""How what is uncertain is drawn: from an interval, on a grid, from a distribution, from a fit.
+"""How what is uncertain is drawn: from an interval, on a grid, from a fit.
 
 Samples come in blocks of `BLOCK`, each with its own stream of random numbers, spawned from one
 seed. A block is always drawn whole: member 17 is the same one in a family of a hundred and of a
@@ -23,7 +23,6 @@ __all__ = [
     "Interval",
     "Samples",
     "read_fit",
-    "read_grid",
     "read_range",
     "whole_number",
 ]
@@ -38,9 +37,6 @@ class Interval(NamedTuple):
     high: float
 
 
-Range = Interval | Any  # an interval, or a frozen distribution of scipy.stats
-
-
 class Fit(NamedTuple):
     """Means (k,) of parameters and a square root (k, k) of their covariance, as identified."""
 
@@ -53,7 +49,7 @@ class Fit(NamedTuple):
 class Samples:
     """Random members: what is drawn by itself, what together, how many times, from which seed."""
 
-    ranges: Mapping[str, Range]
+    ranges: Mapping[str, Interval]
     fit: Fit | None
     count: int
     seed: int
@@ -66,20 +62,13 @@ class Samples:
     def block(self, k: int) -> dict[str, FloatArray]:
         """Draw block k of the members, k from 0."""
         rng = np.random.default_rng(np.random.SeedSequence(self.seed, spawn_key=(k,)))
-        drawn = {name: _drawn(each, rng) for name, each in self.ranges.items()}
+        drawn = {name: rng.uniform(*each, BLOCK) for name, each in self.ranges.items()}
         if self.fit:
             numbers = rng.standard_normal((BLOCK, len(self.fit.names)))
             together = self.fit.mean[:, None] + np.einsum("ij,kj->ik", self.fit.root, numbers)
             drawn |= zip(self.fit.names, together, strict=True)
         here = min(BLOCK, self.count - k * BLOCK)
         return {name: values[:here] for name, values in drawn.items()}
-
-
-def _drawn(given: Range, rng: np.random.Generator) -> FloatArray:
-    """Draw the values of one block."""
-    if isinstance(given, Interval):
-        return rng.uniform(given.low, given.high, BLOCK)
-    return np.asarray(given.rvs(size=BLOCK, random_state=rng), dtype=float)
 
 
 @dataclass(frozen=True, eq=False)
@@ -106,16 +95,9 @@ class Grid:
         return {name: axis[i] for (name, axis), i in zip(self.axes.items(), where, strict=True)}
 
 
-def read_range(name: str, given: Any) -> Range:
-    """Read an interval (low, high) or a frozen distribution of scipy.stats."""
-    if hasattr(given, "rvs"):
-        if np.shape(given.rvs(random_state=np.random.default_rng(0))) != ():
-            raise TypeError(
-                f"{name} is a distribution of several numbers; parameters that hang together are "
-                "given by their means and covariance, fit=({'gain': 1.0, 'lag': 0.1}, covariance)"
-            )
-        return given
-    remedy = "give an interval, such as (0.5, 2.0), or a frozen distribution of scipy.stats"
+def read_range(name: str, given: Any) -> Interval:
+    """Read an interval (low, high)."""
+    remedy = "give an interval, such as (0.5, 2.0)"
     if not isinstance(given, Sequence | np.ndarray) or isinstance(given, str) or len(given) != 2:
         raise TypeError(f"{name} is {given!r}; {remedy}")
     if not all(map(is_real, given)):
@@ -163,24 +145,6 @@ def read_fit(given: Any) -> Fit:
             f"direction ({powers.min():.3g}); give the covariance matrix of the estimates"
         )
     return Fit(tuple(means), mean, directions * np.sqrt(np.maximum(powers, 0.0)))
-
-
-def read_grid(given: Any, ranges: Mapping[str, Range]) -> Grid:
-    """Put points on every interval, as many as one number says, or one for each name."""
-    counts = dict(given) if isinstance(given, Mapping) else dict.fromkeys(ranges, given)
-    if unknown := sorted(set(counts) ^ set(ranges)):
-        raise ValueError(
-            f"grid and the intervals differ in {', '.join(unknown)}; give the points on each of "
-            f"{', '.join(ranges)}, or one number for all"
-        )
-    return Grid({name: _points(name, each, counts[name]) for name, each in ranges.items()})
-
-
-def _points(name: str, interval: Range, count: Any) -> FloatArray:
-    if not isinstance(interval, Interval):
-        raise TypeError(f"{name} is a distribution, which has no grid; give an interval")
-    number = whole_number(count, f"grid points for {name}", 2)
-    return np.linspace(interval.low, interval.high, number)
 
 
 def whole_number(value: Any, name: str, least: int) -> int:

@@ -1,15 +1,14 @@
 r"""What a plant may be: a family of members around the one that was expected.
 
 A member is :math:`k\,G(s)\,e^{-\theta s}/(Ts+1)`: the nominal process G times a gain k, with one
-more lag T and an additional dead time θ, its poles and zeros moved; or whatever a function of the
-user's makes of drawn parameters. What is drawn stands in columns that are read by name.
+more lag T and an additional dead time θ; or whatever a function of the user's makes of drawn
+parameters in place of G. What is drawn stands in columns that are read by name.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from functools import cached_property
 from math import ceil
 from typing import Any
 
@@ -18,9 +17,9 @@ import numpy as np
 from ..analysis import judge_observer, quotient_margins
 from ..diagram import ObserverEquations, as_fraction, nonzero, undelayed
 from ..numerics import BoolArray, FloatArray, convolved
-from .batch import SLAB, Feedback, Moving, PlantBatch, moving
-from .batchmargins import batch_margins
-from .distributions import BLOCK, Grid, Samples, read_fit, read_grid, read_range, whole_number
+from .batch import SLAB, Feedback, PlantBatch
+from .batchpeaks import batch_peaks
+from .distributions import BLOCK, Grid, Samples, read_fit, read_range, whole_number
 
 __all__ = ["PlantFamily", "judged", "plant_family"]
 
@@ -92,19 +91,15 @@ class PlantFamily:
         if self.parameters:
             num, den, delay = self._made(drawn, n, problems)
         else:
-            num, den = (
-                part.moved([drawn.get(f"{name} {i}", np.ones(n)) for i in _numbers(part)])
-                for name, part in zip(("zero", "pole"), self._parts, strict=True)
-            )
-            num, den = (np.broadcast_to(part, (part.shape[0], n)) for part in (num, den))
-            delay = np.full(n, self.delay)
+            num, den, delay = PlantBatch.of_blocks([self.process])
         if "gain" in drawn:
             num = num * drawn["gain"]
         if "lag" in drawn:
             den = convolved(den, np.array([drawn["lag"], np.ones(n)]))
         if "delay" in drawn:
             delay = delay + drawn["delay"]
-        return PlantBatch(num, den, delay), problems
+        every = (np.broadcast_to(part, (*part.shape[:-1], n)) for part in (num, den, delay))
+        return PlantBatch(*every), problems
 
     def peaks(self, model: Any, filter: Any) -> FloatArray:
         """Ms of the plant loop of every member.
@@ -122,8 +117,8 @@ class PlantFamily:
         feedback, every = Feedback(ObserverEquations(self.process, model, filter)), []
         for block in range(self.blocks):
             plants, _ = self.plants(self.drawn.block(block))
-            stable, unstable, found = judged(plants, feedback, ["ms"])
-            ms = np.where(unstable, np.inf, found["ms"])
+            stable, unstable, ms = judged(plants, feedback, peaks=True)
+            ms[unstable] = np.inf
             for k in np.flatnonzero(~(stable | unstable)).tolist():
                 loop = ObserverEquations(plants.plant(k), model, filter)
                 one = judge_observer(loop.process, model, filter).stable
@@ -135,15 +130,6 @@ class PlantFamily:
     def delay(self) -> float:
         """Dead time of the nominal plant, in seconds."""
         return undelayed(self.process)[1]
-
-    @cached_property
-    def _parts(self) -> tuple[Moving, Moving]:
-        """Numerator and denominator of the nominal plant, with roots only if these move."""
-        num, den = as_fraction(undelayed(self.process)[0], "process")
-        return tuple(  # type: ignore[return-value]
-            moving(p) if f"{name} 1" in self.names else Moving(p, np.empty(0, dtype=complex))
-            for name, p in (("zero", num), ("pole", den))
-        )
 
     def _made(
         self, drawn: Mapping[str, FloatArray], n: int, problems: dict[int, str]
@@ -171,19 +157,16 @@ def plant_family(
     gain: Any = None,
     delay: Any = None,
     lag: Any = None,
-    poles: Any = None,
-    zeros: Any = None,
     parameters: Callable[..., Any] | None = None,
     fit: Any = None,
-    grid: int | Mapping[str, int] | None = None,
+    grid: int | None = None,
     samples: int = 1000,
     seed: int = 0,
     **others: Any,
 ) -> PlantFamily:
     r"""Describe the plants that may turn up instead of the one that was expected.
 
-    Every range is an interval (low, high), of which every value is as likely, or a frozen
-    distribution of `scipy.stats`.
+    Every range is an interval (low, high), of which every value is as likely.
 
     Parameters
     ----------
@@ -192,10 +175,6 @@ def plant_family(
     gain, delay, lag : range
         Factor of the plant; dead time that is added to its own, in seconds; T of one more factor
         :math:`1/(Ts+1)`, in seconds.
-    poles, zeros : range
-        Factors by which the nominal poles, or zeros, are multiplied: real ones each by its own,
-        pairs together, so that their damping remains, and so does the gain at zero frequency.
-        Those at s = 0 stay. The columns are "pole 1", "pole 2", …
     parameters : callable
         Makes a plant, whatever `nrdob.NRDOB` takes as a process, of parameters that `others` and
         `fit` name, as keyword arguments. Gain, delay and lag come on top.
@@ -203,8 +182,8 @@ def plant_family(
         Means by name, and the covariance in the same order, of parameters that were identified
         together; they are drawn from the normal distribution. A gain named here is a factor of the
         process, as `gain` is; for parameters of other meaning give the function `parameters`.
-    grid : int or dict of str: int
-        Points on every interval, or on each by name: all their combinations in place of samples.
+    grid : int
+        Points on every interval: all their combinations in place of samples.
     samples, seed : int
         How many members are drawn, and of all random numbers. Members 0, 1, 2, … are the same
         however many there are.
@@ -231,22 +210,13 @@ def plant_family(
     >>> plant_family(ct.tf([1], [1, 1]), gain=(0.5, 2.0), delay=(0.0, 0.1), grid=11)
     <family of 121 plants: gain, delay>
     """
-    fraction = nonzero(as_fraction(undelayed(process)[0], "process"), "process")
+    nonzero(as_fraction(undelayed(process)[0], "process"), "process")
     given = dict(zip(BUILT_IN, (gain, delay, lag), strict=True))
     ranges = {name: read_range(name, each) for name, each in given.items() if each is not None}
-    for name, each, p in (("zero", zeros, fraction.num), ("pole", poles, fraction.den)):
-        if each is None:
-            continue
-        if parameters:
-            raise ValueError(f"{name}s move those of process, which parameters replaces")
-        numbers = _numbers(moving(p))
-        if not numbers:
-            raise ValueError(f"process has no {name} that could move; leave {name}s out")
-        ranges |= dict.fromkeys([f"{name} {i}" for i in numbers], read_range(f"{name}s", each))
     if others and not parameters:
         raise TypeError(
             f"nothing takes {', '.join(others)}; give parameters, a function that makes a plant "
-            "of them, or one of gain, delay, lag, poles, zeros"
+            "of them, or one of gain, delay, lag"
         )
     ranges |= {name: read_range(name, each) for name, each in others.items()}
     known = read_fit(fit) if fit is not None else None
@@ -268,41 +238,26 @@ def plant_family(
     elif known:
         raise ValueError("a fit has no grid; leave grid or fit out")
     else:
-        drawn = read_grid(_each_root(grid, ranges), ranges)
+        points = whole_number(grid, "grid", 2)
+        drawn = Grid({name: np.linspace(*each, points) for name, each in ranges.items()})
     return PlantFamily(process, drawn, parameters)
 
 
 def judged(
-    plants: PlantBatch, feedback: Feedback, names: list[str]
-) -> tuple[BoolArray, BoolArray, dict[str, FloatArray]]:
-    """Tell which plants are certainly stable, which unstable, and margins of the former by name.
+    plants: PlantBatch, feedback: Feedback, *, peaks: bool
+) -> tuple[BoolArray, BoolArray, FloatArray]:
+    """Tell which plants are certainly stable, which unstable, and Ms of the former if asked for.
 
     What is too close to call for many at once is neither, and must be judged alone.
     """
     stable, unstable = np.zeros((2, plants.delay.size), dtype=bool)
-    values = {name: np.full(stable.size, np.nan) for name in names}
+    ms = np.full(stable.size, np.nan)
     for chosen, few in plants.groups():
         stable[chosen], unstable[chosen] = feedback.verdicts(few)
-        here = np.flatnonzero(stable[chosen] & bool(names))
+        here = np.flatnonzero(stable[chosen] & peaks)
         for first in range(0, here.size, SLAB):
             part = here[first : first + SLAB]
-            found, trusted = batch_margins(feedback, few.of(part))
+            found, trusted = batch_peaks(feedback, few.of(part))
             stable[chosen[part]] = trusted
-            for name in names:
-                values[name][chosen[part]] = np.where(trusted, found[name], np.nan)
-    return stable, unstable, values
-
-
-def _numbers(part: Moving) -> range:
-    return range(1, part.roots.size + 1)
-
-
-def _each_root(grid: int | Mapping[str, int], ranges: Mapping[str, Any]) -> Any:
-    """Give every pole the points that are given for the poles."""
-    if not isinstance(grid, Mapping):
-        return grid
-    counts: dict[str, int] = {}
-    for name, count in grid.items():
-        roots = [each for each in ranges if name in ("poles", "zeros") and each[:4] == name[:4]]
-        counts |= dict.fromkeys(roots or [name], count)
-    return counts
+            ms[chosen[part]] = np.where(trusted, found, np.nan)
+    return stable, unstable, ms

@@ -13,8 +13,7 @@ from scipy.stats import binomtest
 
 from ..loop import NRDOB
 from ..numerics import IntArray, is_real
-from .batch import Feedback, PlantBatch
-from .batchmargins import MARGINS
+from .batch import Feedback
 from .distributions import Grid
 from .plantfamily import PlantFamily, judged
 
@@ -24,7 +23,7 @@ if TYPE_CHECKING:
 
 __all__ = ["QUANTITIES", "Share", "SweepTable", "sweep"]
 
-QUANTITIES = ("stable", *MARGINS)  # what can be asked of every member
+QUANTITIES = ("stable", "ms")  # what can be asked of every member
 
 LABELS = {
     "gain": "gain of the process, times",
@@ -51,8 +50,7 @@ def sweep(loop: NRDOB, family: PlantFamily, quantities: Iterable[str] = QUANTITI
     family : PlantFamily
         What the plant may be, see `nrdob.plant_family`.
     quantities : iterable of str
-        Of "stable"; "ms", "gm", "pm", "delay_margin", the margins of the plant loop L as
-        `nrdob.analysis.Margins` has them.
+        Of "stable" and "ms", the peak of the sensitivity of the plant loop L.
 
     Returns
     -------
@@ -83,21 +81,15 @@ def sweep(loop: NRDOB, family: PlantFamily, quantities: Iterable[str] = QUANTITI
         raise TypeError(f"loop is a {type(loop).__name__}; give an nrdob.NRDOB")
     if not isinstance(family, PlantFamily):
         raise TypeError(f"family is a {type(family).__name__}; make one with nrdob.plant_family")
-    asked = _asked(quantities)
-    blocks = [_judge_block(loop, family, asked, block) for block in range(family.blocks)]
+    asked = (quantities,) if isinstance(quantities, str) else tuple(quantities)
+    if unknown := [name for name in asked if name not in QUANTITIES]:
+        raise ValueError(f"there is no {unknown[0]!r} to ask; choose from {', '.join(QUANTITIES)}")
+    blocks = [_judge_block(loop, family, "ms" in asked, block) for block in range(family.blocks)]
     joined = {name: np.concatenate([block[name] for block in blocks]) for name in blocks[0]}
     return SweepTable(family, joined, np.arange(len(family)))
 
 
-def _asked(quantities: Iterable[str]) -> list[str]:
-    """Give the margins asked for, in the order of the columns."""
-    asked = (quantities,) if isinstance(quantities, str) else tuple(quantities)
-    if unknown := [name for name in asked if name not in QUANTITIES]:
-        raise ValueError(f"there is no {unknown[0]!r} to ask; choose from {', '.join(QUANTITIES)}")
-    return [name for name in MARGINS if name in asked]
-
-
-def _judge_block(loop: NRDOB, family: PlantFamily, asked: list[str], block: int) -> Columns:
+def _judge_block(loop: NRDOB, family: PlantFamily, peaks: bool, block: int) -> Columns:
     """Judge the members of one block: the columns of the table."""
     drawn = family.drawn.block(block)
     plants, problems = family.plants(drawn)
@@ -105,39 +97,28 @@ def _judge_block(loop: NRDOB, family: PlantFamily, asked: list[str], block: int)
     reason = np.full(n, "", dtype=object)
     condition_i = loop.stability().model_loop
     if condition_i.stable:
-        stable, unstable, values = judged(plants, Feedback(loop), asked)
+        stable, unstable, ms = judged(plants, Feedback(loop), peaks=peaks)
         decided = stable | unstable
     else:
         stable, decided = np.zeros(n, dtype=bool), np.full(n, condition_i.stable is False)
-        values = {name: np.full(n, np.nan) for name in asked}
+        ms = np.full(n, np.nan)
         reason[:] = f"C Gm (i): {condition_i.reason}"
     alone = ~decided & (condition_i.stable is True)
     for k in np.flatnonzero(alone).tolist():
-        verdict, reason[k], found = None, problems.get(k, ""), dict.fromkeys(asked, np.nan)
-        if not reason[k]:
-            verdict, reason[k] = _alone(loop, plants, k, found)
-        stable[k], decided[k] = verdict is True, verdict is not None
-        for name, value in found.items():
-            values[name][k] = value
-    flags = {"stable": stable, "decided": decided, "alone": alone}
-    return {**drawn, **flags, **values, "reason": reason}
-
-
-def _alone(
-    loop: NRDOB, plants: PlantBatch, k: int, margins: dict[str, float]
-) -> tuple[bool | None, str]:
-    """Judge one member as `nrdob.NRDOB` does, and enter its margins where it is stable."""
-    stable = None
-    try:
-        member = replace(loop, process=plants.plant(k))
-        verdict = member.stability()
-        stable = verdict.stable
-        if stable and margins:
-            found = member.margins().plant_loop
-            margins |= {name: getattr(found, name) for name in margins}
-        return stable, verdict.reason if stable is None else ""
-    except (ArithmeticError, TypeError, ValueError) as error:
-        return stable, str(error)
+        if k in problems:
+            reason[k] = problems[k]
+            continue
+        try:
+            member = replace(loop, process=plants.plant(k))
+            verdict = member.stability()
+            stable[k], decided[k] = verdict.stable is True, verdict.stable is not None
+            reason[k] = "" if decided[k] else verdict.reason
+            if peaks and verdict:
+                ms[k] = member.margins().plant_loop.ms
+        except (ArithmeticError, TypeError, ValueError) as error:
+            reason[k] = str(error)
+    columns = {**drawn, "stable": stable, "decided": decided, "alone": alone, "reason": reason}
+    return columns | ({"ms": ms} if peaks else {})
 
 
 class Share(NamedTuple):
@@ -166,7 +147,7 @@ class SweepTable:
       one by the methods of `nrdob.NRDOB`;
     - "reason": for those, why there is no verdict, or no plant; empty otherwise.
 
-    Margins of members that are not known to be stable are nan.
+    Ms of members that are not known to be stable is nan.
 
     Attributes
     ----------
@@ -197,11 +178,8 @@ class SweepTable:
             f"{int((decided & ~stable).sum())} not, {int((~decided).sum())} not decided; "
             f"{int(self['alone'].sum())} judged one by one"
         ]
-        for name in MARGINS:
-            if name in self.columns and stable.any():
-                values = self[name][stable]
-                worst = values[self._worst_first(name, values)[0]]
-                lines.append(f"  worst {name:12} {worst:.4g}")
+        if "ms" in self.columns and stable.any():
+            lines.append(f"  worst ms           {np.nanmax(self['ms'][stable]):.4g}")
         return "\n".join(lines) + ">"
 
     def stable_share(self, confidence: float = 0.95) -> Share:
@@ -254,9 +232,7 @@ class SweepTable:
         SweepTable
             A shorter table; ``.rows`` are their numbers in the family.
         """
-        order = self._worst_first("ms", self["ms"])
-        order = order[np.argsort(self["stable"][order], kind="stable")]
-        chosen = order[:count]
+        chosen = np.lexsort((-self["ms"], self["stable"]))[:count]
         columns = {name: values[chosen] for name, values in self.columns.items()}
         return SweepTable(self.family, columns, self.rows[chosen])
 
@@ -309,12 +285,3 @@ class SweepTable:
         return map_plot(
             across, up, self["stable"], self["decided"], borders=borders, title=title, ax=ax
         )
-
-    def _worst_first(self, by: str, values: NDArray[Any]) -> IntArray:
-        key = np.asarray(values, dtype=float)
-        if by == "ms":
-            key = -key
-        elif by == "gm":
-            with np.errstate(divide="ignore"):
-                key = np.abs(np.log(key))
-        return np.argsort(key, kind="stable")
