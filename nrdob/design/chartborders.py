@@ -79,7 +79,7 @@ class ChartLoops:
         prompt, delay = undelayed(process)
         fixed = {"gain": 1.0, "delay": 0.0 if "delay" in free else delay, "lag": 0.0}
         if "time_constant" in free:
-            return cls(Mismatch.of(prompt, model, _family(filter), waits=True), fixed)
+            return cls(Mismatch.of(prompt, model, _family(filter)), fixed)
         if isinstance(filter, FilterFamily | int):
             raise TypeError(
                 "filter is a whole family, but time_constant is on no axis: give one filter, such "

@@ -95,7 +95,7 @@ def right_half_plane_parity(process: Any, model: Any) -> Answer:
     >>> right_half_plane_parity(ct.tf([4], [-1, -1, 2]), ct.tf([1], [1, 3, 2]))
     no: 1 unstable pole of G/model: the model must have the opposite DC sign
     """
-    mismatch = Mismatch.of(process, model, waits=True)
+    mismatch = Mismatch.of(process, model)
     if mismatch.held_at_origin:
         # Of a zero of the process no filter is rid, of integrators one with 1 - F ~ s^2 or more.
         return Answer(False if mismatch.factors[0][-1] == 0 else None, ROOT_AT_ORIGIN)
@@ -172,7 +172,7 @@ def stabilizing_filter_exists(process: Any, model: Any) -> Answer:
     >>> found.holds, found.reason.split(":")[0]
     (True, 'an F made for what process and model have in common at 1')
     """
-    mismatch = Mismatch.of(process, model, waits=True)
+    mismatch = Mismatch.of(process, model)
     a, b = mismatch.a, mismatch.b
     N, D, Nm, Dm = mismatch.factors
     unstable = np.concatenate(roots_by_side(D, Nm))

@@ -88,7 +88,7 @@ def stable_for_slow_filters(process: Any, model: Any, order: int) -> Answer:
     >>> stable_for_slow_filters(ct.tf([2], [1, -1]), ct.tf([1], [1, 1]), 1)
     no: process or inverse model is unstable (pole at 1): a slow filter leaves it so
     """
-    mismatch = Mismatch.of(process, model, order, waits=True)
+    mismatch = Mismatch.of(process, model, order)
     _, D, Nm, _ = mismatch.factors
     right, axis = roots_by_side(D, Nm)
     if right.size:
@@ -203,7 +203,7 @@ def stable_for_fast_filters(process: Any, model: Any, order: int) -> Answer:
     >>> stable_for_fast_filters(G, Gm, 2)
     no: the slow roots tend to a zero of the process or a pole of the model at 100
     """
-    mismatch = Mismatch.of(process, model, order, waits=True)
+    mismatch = Mismatch.of(process, model, order)
     if mismatch.delay and not mismatch.wait:
         return Answer(False, "with a dead time ever more roots are unstable as λ falls")
     if mismatch.held_at_origin:

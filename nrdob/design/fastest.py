@@ -113,7 +113,7 @@ def _several(process: Any) -> bool:
 def _orders(process: Any, model: Any, order: Any) -> Sequence[Filters]:
     """Give the orders and families to be compared."""
     if order is None:
-        lowest = Mismatch.of(process, model, waits=True).order
+        lowest = Mismatch.of(process, model).order
         return range(lowest, lowest + EXTRA_ORDERS + 1)
     if not isinstance(order, list | tuple):
         return (order,)

@@ -80,29 +80,15 @@ class Mismatch:
     divided: int
 
     @classmethod
-    def of(
-        cls,
-        process: Any,
-        model: Any,
-        filters: int | FilterFamily | None = None,
-        *,
-        waits: bool = False,
-    ) -> Mismatch:
+    def of(cls, process: Any, model: Any, filters: int | FilterFamily | None = None) -> Mismatch:
         """Read process and model as the loop does, with the same refusals.
 
-        Without filters, those of eq. (1) of the lowest order that is causal. `waits` says whether
-        the model may have a dead time.
+        Without filters, those of eq. (1) of the lowest order that is causal.
         """
         if filters is None:
             filters = max(1, as_fraction(undelayed(model)[0], "model").relative_degree)
         family = as_family(filters)
-        loop = ObserverEquations(process, model, stable_member(family))
-        if loop.model_delay and not waits:
-            raise ValueError(
-                f"model has a dead time of {loop.model_delay:g} s, which cannot be used here: "
-                "leave the dead time out"
-            )
-        return cls.in_loop(loop, family)
+        return cls.in_loop(ObserverEquations(process, model, stable_member(family)), family)
 
     @classmethod
     def in_loop(cls, loop: ObserverEquations, family: FilterFamily) -> Mismatch:

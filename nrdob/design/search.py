@@ -126,7 +126,7 @@ class FilterSearch:
     @classmethod
     def of(cls, process: Any, model: Any, order: int | FilterFamily, max_ms: float) -> FilterSearch:
         """Find the stabilising set, in which it will be seen where the specification is met."""
-        found = Frequencies(Mismatch.of(process, model, order, waits=True))
+        found = Frequencies(Mismatch.of(process, model, order))
         family = found.mismatch.family
         intervals = stabilizing_set(found, found.lowest_floor)
         intervals = intersection(intervals, stable_filters(family))

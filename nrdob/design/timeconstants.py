@@ -8,7 +8,7 @@ does not change; it is counted there by the argument of p_B, which knows nothing
 from __future__ import annotations
 
 from itertools import pairwise
-from math import atan, inf, isfinite
+from math import inf, isfinite
 from typing import Any
 
 import numpy as np
@@ -38,8 +38,6 @@ def critical_time_constants(
     order: int | FilterFamily,
     *,
     floor: float | None = None,
-    dt: float | None = None,
-    computation_delay: float = 0.0,
 ) -> list[CriticalTimeConstant]:
     r"""Find every time constant λ at which the observer loop has a root on the imaginary axis.
 
@@ -54,8 +52,6 @@ def critical_time_constants(
         accumulate at 0 and the list must end somewhere: by default where every critical frequency
         above lies within 32 turns of exp(-jωθ), and not below θ/1000. Where none is left in p_B,
         as with a model that is the process, the default is 0, and the list is complete.
-    dt, computation_delay : float
-        For a processor, in seconds, see `stabilizing_time_constants`.
 
     Returns
     -------
@@ -78,12 +74,8 @@ def critical_time_constants(
     >>> round(critical.time_constant, 9), round(critical.frequency, 3), critical.direction
     (0.005, 200.0, -1)
     """
-    frequencies = _frequencies(process, model, order, dt, computation_delay)
-    floor = _checked_floor(frequencies, floor)
-    found = _crossings(frequencies, floor)
-    if dt is None:
-        return found
-    return [c._replace(frequency=2 / dt * atan(c.frequency * dt / 2)) for c in found]
+    frequencies = Frequencies(Mismatch.of(process, model, order))
+    return _crossings(frequencies, _checked_floor(frequencies, floor))
 
 
 def stabilizing_time_constants(
@@ -139,15 +131,6 @@ def stabilizing_time_constants(
     >>> low, round(high, 6)
     (0.0, 0.763932)
     """
-    frequencies = _frequencies(process, model, order, dt, computation_delay)
-    found = stabilizing_set(frequencies, _checked_floor(frequencies, floor))
-    return intersection(found, stable_filters(frequencies.mismatch.family)) if found else found
-
-
-def _frequencies(
-    process: Any, model: Any, order: int | FilterFamily, dt: float | None, computation_delay: float
-) -> Frequencies:
-    """Read the blocks, the process behind a hold where there is a sampling time."""
     if dt is not None:
         process = process_in_w(process, dt, computation_delay, model)
         model, _ = undelayed(model)
@@ -156,7 +139,9 @@ def _frequencies(
             "computation_delay belongs to a processor: give its sampling time dt, too, or multiply "
             "the process by nrdob.delay(computation_delay)"
         )
-    return Frequencies(Mismatch.of(process, model, order, waits=True))
+    frequencies = Frequencies(Mismatch.of(process, model, order))
+    found = stabilizing_set(frequencies, _checked_floor(frequencies, floor))
+    return intersection(found, stable_filters(frequencies.mismatch.family)) if found else found
 
 
 def stabilizing_set(frequencies: Frequencies, floor: float) -> list[tuple[float, float]]:

@@ -24,7 +24,7 @@ SCANNED = 24
 
 def floor_of(process, model, filters):
     """Give the time constant down to which sets are complete by default."""
-    return Frequencies(Mismatch.of(process, model, filters, waits=True)).lowest_floor
+    return Frequencies(Mismatch.of(process, model, filters)).lowest_floor
 
 
 def campaign(count: int, seed: int) -> Counter[str]:
