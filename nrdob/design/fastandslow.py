@@ -5,25 +5,17 @@ It follows from where the roots go when λ tends to 0 or to infinity, without fi
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from math import cos, inf, pi
 from typing import Any
 
-import numpy as np
-
 from ..diagram import LowPassFilter
 from ..numerics import ROUNDING, ComplexArray, FloatArray, QuasiPolynomial, written
-from .existence import INTEGRATOR, ROOT_AT_ORIGIN, Answer, roots_by_side, vanishes
+from .existence import INTEGRATOR, ROOT_AT_ORIGIN, Answer, roots_by_side
 from .mismatch import Mismatch
 
 __all__ = ["gain_bound", "stable_for_fast_filters", "stable_for_slow_filters"]
 
-SIDEWAYS = 1e-10  # share of a root's motion off the axis that may be rounding
-CLUSTER = 1e-4  # relative distance within which roots on the axis count as one multiple root
-
-OPPOSITE = "a real root goes to the right; give the model the other sign"
-
-OPPOSITE_SIGNS = "with a stable process and a minimum-phase model both need the same DC sign"
+EXACTLY = "stabilizing_time_constants gives the exact set"
 
 
 def gain_bound(order: int) -> float:
@@ -57,11 +49,7 @@ def stable_for_slow_filters(process: Any, model: Any, order: int) -> Answer:
     As λ → ∞ the roots of p_B tend to those of D·Nm, and n of them to 0 as
     :math:`(-1 + (1 - g_0)^{1/n})/\lambda`, with :math:`g_0 = G(0)/\tilde G(0)`. So the loop is
     stable for all large λ if D·Nm is Hurwitz and :math:`0 < g_0 < M_n`, and unstable if either
-    fails strictly. A simple root :math:`s_0 \ne 0` of D·Nm on the axis moves by
-
-    .. math:: -\frac{b(s_0)\,e^{-s_0\theta}}{a'(s_0)\,s_0^n}\,\lambda^{-n},
-
-    which decides to which side. With m roots at 0, m + n roots spread evenly around a circle that
+    fails strictly. With m roots of D·Nm at 0, m + n roots spread evenly around a circle that
     shrinks as :math:`\lambda^{-n/(m+n)}`: three or more reach the right half plane. A dead time of
     the model changes none of this: the filter is slow against it.
 
@@ -75,7 +63,8 @@ def stable_for_slow_filters(process: Any, model: Any, order: int) -> Answer:
     Returns
     -------
     Answer
-        Open where the loop is on the border at every slow filter within rounding.
+        Open where roots of the limit are on the imaginary axis, or a condition is met with
+        equality within rounding.
 
     Raises
     ------
@@ -99,24 +88,16 @@ def stable_for_slow_filters(process: Any, model: Any, order: int) -> Answer:
         )
     if mismatch.held_at_origin:
         return Answer(False, ROOT_AT_ORIGIN)
-    moved = _moved(mismatch, axis, "process or inverse model", "slow", _drift_when_slow)
-    return _first_decisive([moved, _slow_roots(mismatch)])
+    return _unless_on_axis(_slow_roots(mismatch), axis, "process or inverse model")
 
 
-def _drift_when_slow(mismatch: Mismatch, root: complex) -> tuple[complex, complex]:
-    """First and second change of a simple root of a as λ falls from infinity."""
-    n, a = mismatch.order, np.append(mismatch.a, 0.0) if mismatch.order == 1 else mismatch.a
-    b, slope, curvature = (
-        np.polyval(p, root) for p in (mismatch.b, np.polyder(a), np.polyder(a, 2))
-    )
-    lag = np.exp(-mismatch.delay * root)
-    if n == 1:  # exactly s·a(s) + b(s)/λ
-        first = -b * lag / slope
-        tilt = (np.polyval(np.polyder(mismatch.b), root) - mismatch.delay * b) * lag
-        tilt += slope / root * (1 - np.exp(-mismatch.wait * root))  # of a (1 - exp(-sθm))/λ
-        return complex(first), complex(-(curvature * first**2 / 2 + tilt * first) / slope)
-    first = -b * lag / (slope * root**n)
-    return complex(first), complex(-n * first / root)  # ((λs + 1)^n - 1)^-1 = (λs)^-n (1 - n/λs …)
+def _unless_on_axis(answer: Answer, axis: ComplexArray, whose: str) -> Answer:
+    """Leave a yes open where roots of the limit on the axis may go to either side."""
+    upper = axis[axis.imag > 0]
+    if answer.holds is False or not upper.size:
+        return answer
+    pole = f"{whose} has a pole on the imaginary axis at ±{upper[0].imag:.4g}j"
+    return Answer(None, f"{pole}, which may go to either side: {EXACTLY}")
 
 
 def _slow_roots(mismatch: Mismatch) -> Answer:
@@ -124,30 +105,28 @@ def _slow_roots(mismatch: Mismatch) -> Answer:
     if mismatch.integrator:
         return Answer(True, f"process and inverse model are stable, and {INTEGRATOR}")
     n, (a, b) = mismatch.order, (mismatch.a, mismatch.b)
-    origin = QuasiPolynomial(a).zeros_at_origin
-    if origin:
-        start = a.size - 1 - origin
-        ratio = float(b[-1] / a[start])
+    if origin := QuasiPolynomial(a).zeros_at_origin:
+        poles = f"process over model has {origin} pole{'s' if origin > 1 else ''} at s = 0"
         if origin + n > 2:
             return Answer(
                 False,
-                f"process over model has {origin} pole{'s' if origin > 1 else ''} at s = 0: with a "
-                f"slow filter of order {n}, {origin + n} roots leave 0 in all directions",
+                f"{poles}: with a slow filter of order {n}, {origin + n} roots leave 0 in all "
+                "directions",
             )
-        if ratio < 0:
-            return Answer(False, f"process and model differ in sign at low frequency: {OPPOSITE}")
-        # λ a1 s² (1 + α s) + b0 (1 + β s) = 0 has a pair whose real part is (α - β) b0/(2 λ a1).
-        alpha = float(a[start - 1] / a[start]) if start else 0.0
-        beta = (float(b[-2] / b[-1]) if b.size > 1 else 0.0) - mismatch.delay
-        border = abs(alpha - beta) <= SIDEWAYS * (abs(alpha) + abs(beta))
-        return Answer(
-            None if border else beta > alpha,
-            "process over model has a pole at s = 0; with a slow filter of order 1 it becomes a "
-            f"pair near 0 whose real part has the sign of {alpha - beta:.4g}",
-        )
+        if b[-1] * a[-1 - origin] < 0:
+            return Answer(
+                False,
+                "process and model differ in sign at low frequency: a real root goes to the "
+                "right; give the model the other sign",
+            )
+        return Answer(None, f"{poles}, with a slow filter of order 1 a pair near 0: {EXACTLY}")
     g0, bound = float(b[-1] / a[-1]), gain_bound(n)
     if g0 < 0:
-        return Answer(False, f"G(0)/model(0) = {g0:.4g} is negative: {OPPOSITE_SIGNS}")
+        return Answer(
+            False,
+            f"G(0)/model(0) = {g0:.4g} is negative: with a stable process and a minimum-phase "
+            "model both need the same DC sign",
+        )
     if abs(g0 - bound) <= ROUNDING * g0:
         return Answer(None, f"G(0)/model(0) = {g0:.6g} is exactly the bound for order {n}")
     if g0 > bound:
@@ -176,9 +155,7 @@ def stable_for_fast_filters(process: Any, model: Any, order: int) -> Answer:
     - m ≤ -2: at least one of the roots of :math:`s^{1-m} = -c/(n\lambda)` is in the right half
       plane.
 
-    A simple root :math:`s_0` of N·Dm on the axis moves by
-    :math:`-n\lambda s_0 a(s_0)/b'(s_0)`, which decides to which side. A dead time that the model
-    has not leaves more and more roots in the right half plane as λ → 0.
+    A dead time that the model has not leaves more and more roots in the right half plane as λ → 0.
 
     Parameters
     ----------
@@ -188,8 +165,8 @@ def stable_for_fast_filters(process: Any, model: Any, order: int) -> Answer:
     Returns
     -------
     Answer
-        Open where the loop is on the border at every fast filter within rounding, and with a dead
-        time in the model.
+        Open with a dead time in the model, where roots of the limit are on the imaginary axis, or a
+        condition is met with equality within rounding.
 
     Raises
     ------
@@ -209,9 +186,7 @@ def stable_for_fast_filters(process: Any, model: Any, order: int) -> Answer:
     if mismatch.held_at_origin:
         return Answer(False, ROOT_AT_ORIGIN)
     if mismatch.wait:
-        return Answer(
-            None, "the model has a dead time: ask stabilizing_time_constants with a small floor"
-        )
+        return Answer(None, f"the model has a dead time: above a floor {EXACTLY}")
     N, _, _, Dm = mismatch.factors
     right, axis = roots_by_side(N, Dm)
     if right.size:
@@ -220,78 +195,10 @@ def stable_for_fast_filters(process: Any, model: Any, order: int) -> Answer:
             "the slow roots tend to a zero of the process or a pole of the model at "
             f"{written(right[0], pair=True)}",
         )
-    moved = _moved(mismatch, axis, "inverse process or model", "fast", _drift_when_fast)
-    return _first_decisive([moved, _roots_near_origin(mismatch), _fast_roots(mismatch)])
-
-
-def _drift_when_fast(mismatch: Mismatch, root: complex) -> tuple[complex, complex]:
-    """First and second change of a simple root of b as λ grows from 0."""
-    n = mismatch.order
-    a, tilt, slope, curvature = (
-        np.polyval(p, root)
-        for p in (
-            mismatch.a, np.polyder(mismatch.a), np.polyder(mismatch.b), np.polyder(mismatch.b, 2),
-        )
-    )  # fmt: skip
-    first = -n * root * a / slope
-    second = (
-        curvature * first**2 / 2 + n * first * (tilt * root + a) + n * (n - 1) * a * root**2 / 2
-    )
-    return complex(first), complex(-second / slope)
-
-
-def _moved(
-    mismatch: Mismatch,
-    axis: ComplexArray,
-    whose: str,
-    speed: str,
-    drift: Callable[[Mismatch, complex], tuple[complex, complex]],
-) -> Answer:
-    """Tell to which side the roots on the axis go, from the first change of each off the axis."""
-    upper = axis[axis.imag > 0]
-    if not upper.size:
-        return Answer(True, "no root of the limit is on the axis")
-    answers = []
-    for root in upper:
-        pole = f"{whose} has a pole on the imaginary axis at ±{abs(root.imag):.4g}j"
-        if np.sum(np.abs(upper - root) <= CLUSTER * abs(root)) > 1:
-            answers.append(Answer(None, f"{pole}, a multiple one; give it a trace of damping"))
-        elif vanishes(mismatch.a, root) and vanishes(mismatch.b, root):
-            remedy = "every filter but one made for it: see nrdob.interpolating_filter"
-            reason = f"{pole}, which cancels in G/model, out of reach of {remedy}"
-            answers.append(Answer(False, reason))
-        else:
-            off = [d for d in drift(mismatch, complex(root)) if abs(d.real) > SIDEWAYS * abs(d)]
-            moves = f"{pole}, which a {speed} filter hardly moves off the axis"
-            if off:
-                side = "right" if off[0].real > 0 else "left"
-                moves = f"{pole}; a {speed} filter moves it to the {side}"
-            answers.append(Answer(off[0].real < 0 if off else None, moves))
-    return _first_decisive(answers)
-
-
-def _first_decisive(answers: list[Answer]) -> Answer:
-    """Put a no before an open question before a yes; of several yes take the last."""
-    for wanted in (False, None):
-        for answer in answers:
-            if answer.holds is wanted:
-                return answer
-    return answers[-1]
-
-
-def _roots_near_origin(mismatch: Mismatch) -> Answer:
-    """Tell where the roots of n λ a(0) + N·Dm/s go that tend to 0 as λ falls."""
-    b = QuasiPolynomial(mismatch.b[: mismatch.b.size - mismatch.divided])
-    count = b.zeros_at_origin if mismatch.integrator else 0
-    if not count:
-        return Answer(True, "no root of the limit is at s = 0")
-    positive = bool(mismatch.a[-1] * b.without_origin.q[-1] > 0)
-    where = "process over model vanishes at s = 0 more than once: with a fast filter"
-    if count == 1:
-        return Answer(positive, f"{where} a root leaves 0 to the {'left' if positive else 'right'}")
-    if count == 2 and positive:
-        return Answer(None, f"{where} a pair leaves 0 along the axis")
-    return Answer(False, f"{where} {count} roots leave 0 in all directions")
+    answer = _fast_roots(mismatch)
+    if answer.holds is not False and not mismatch.b[-1 - mismatch.divided]:
+        return Answer(None, f"process over model vanishes at s = 0 more than once: {EXACTLY}")
+    return _unless_on_axis(answer, axis, "inverse process or model")
 
 
 def _fast_roots(mismatch: Mismatch) -> Answer:
