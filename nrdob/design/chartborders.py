@@ -238,10 +238,7 @@ def _turns(
     place: FloatArray,
     curve: Callable[[FloatArray], tuple[FloatArray, FloatArray, ComplexArray]],
 ) -> Iterator[Curve]:
-    """Give the dead times that turn 1 to the angle of W, one turn after the other.
-
-    The angle is a row of the places, so that between two points it is followed from both.
-    """
+    """Give the dead times that turn 1 to the angle of W, which is a row of the places."""
     place, _, W = curve(place)
     omega, angle = np.exp(place[0]), np.unwrap(-np.angle(W))
     ends = axes[1].value(np.array([-BESIDE, 1 + BESIDE]))[:, None]
@@ -330,8 +327,7 @@ def _lambdas(axis: Axis) -> FloatArray:
 def _ends(loops: ChartLoops, axes: tuple[Axis, Axis]) -> Iterator[Curve]:
     """Lines on which p_B(0), or its leading coefficient, vanishes: p = k q, for each λ.
 
-    With dead time, at infinity, the delayed terms together are as large as the one without: beyond,
-    the dead time of a delayed model would have to be followed for ever.
+    At infinity the delayed terms together are as large as the one without dead time.
     """
     first, second = axes
     values = first.value(np.linspace(0, 1, 8 * PIXELS + 1))

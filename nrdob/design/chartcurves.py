@@ -172,8 +172,7 @@ def drawn(
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Put points between those of a curve until no step on the chart is long.
 
-    A chord across a bend would leave a region open to its neighbour. The first rows of the places,
-    `located`, say where on the curve a point is; further ones belong to it.
+    The first rows of the places, `located`, say where on the curve a point is.
     """
     ((place, first, second),) = drawn_together(axes, [place], at, located)
     return place, first, second
@@ -284,10 +283,7 @@ def level_set(function: Vanishing, u: FloatArray, v: FloatArray) -> Iterator[Flo
 def _on_edges(
     function: Vanishing, grid: tuple[FloatArray, FloatArray], point: FloatArray
 ) -> FloatArray:
-    """Solve for where a function vanishes on the edges of a grid, near where it seems to.
-
-    Beside a narrow tongue that may be far off, but between the ends of the edge it changes sign.
-    """
+    """Solve for where a function vanishes on the edges of a grid, between whose ends it does."""
     low, high = point.copy(), point.copy()
     for k, lines in enumerate(grid):
         after = np.clip(np.searchsorted(lines, point[k]), 1, lines.size - 1)
@@ -344,10 +340,9 @@ def _leads_along(function: Vanishing, curve: FloatArray) -> BoolArray:
 def _followed(
     function: Vanishing, ends: FloatArray, bounds: tuple[tuple[float, float], ...]
 ) -> Iterator[FloatArray]:
-    """Follow curves from both ends of steps that lead across, until they come to the other end.
+    """Follow curves from both ends of steps that lead across, to the other end or the grid's.
 
-    Or to the end of the grid. All at once: `ends` holds u and v of a point, of the other end, and
-    of a point of the known curve, from which it leads away; two columns for each step.
+    `ends` holds u and v of a point, of the other end, and of the known curve's point before it.
     """
     point, other, back = ends[:2].copy(), ends[2:4], ends[4:]
     size = np.minimum(np.hypot(*(other - point)), STEP)

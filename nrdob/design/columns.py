@@ -73,10 +73,7 @@ def _eigenvalues(monic: Columns) -> ComplexArray:
 
 
 def _by_formula(monic: ComplexArray) -> ComplexArray:
-    """Roots of monic quadratics or cubics, the last digits of the smallest lost where sizes differ.
-
-    Of a cubic the largest one by Cardano's formula, the others of what it leaves.
-    """
+    """Roots of monic quadratics or cubics: by Cardano's formula the largest, then the others."""
     if monic.shape[0] == 3:
         return _of_quadratic(monic[1], monic[0])
     p, q, r = monic[2] / 3, monic[1], monic[0]
@@ -98,10 +95,7 @@ def _of_quadratic(p: ComplexArray, q: ComplexArray) -> ComplexArray:
 
 
 def _polished(coefficients: ComplexArray, roots: ComplexArray) -> tuple[ComplexArray, BoolArray]:
-    """Take Newton's steps to roots, and tell where the last ones lead nowhere.
-
-    Where the value is but rounding, as at roots that are nearly one, they could only do harm.
-    """
+    """Take Newton's steps to roots, unless the value is rounding; tell where they lead nowhere."""
     sizes = np.abs(coefficients)
     with np.errstate(all="ignore"):
         for _ in range(NEWTON):
@@ -115,10 +109,9 @@ def _polished(coefficients: ComplexArray, roots: ComplexArray) -> tuple[ComplexA
 
 
 def last_root(columns: FloatArray) -> FloatArray:
-    """Last positive root of polynomials, ascending coefficients in columns; 0 where none is.
+    """Bound the last positive root of polynomials, ascending coefficients in columns; 0 for none.
 
-    A pair that is not quite real counts, because between two frequencies it may become so. For a
-    bound the roots need not be polished.
+    A pair that is not quite real counts, because between two frequencies it may become so.
     """
     scaled, scale = _scaled(columns)
     roots = _eigenvalues(scaled) * scale

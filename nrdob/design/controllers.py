@@ -203,9 +203,8 @@ def _judged(model: Fraction, controller: ct.TransferFunction) -> Margins:
 def _largest_integral_gain(model: Fraction, phase_margin: float) -> _Design:
     """Find the PI of largest integral gain among those of every crossover frequency.
 
-    The crossovers that keep the phase margin form runs, in each of which the loop is either always
-    stable or never: to change, it would have to pass -1. So one exact verdict judges a run, and
-    the largest gain in it lies at its best sample, or between that one and a neighbour.
+    In a run of crossovers that keep the phase margin the loop is either always stable or never: to
+    change, it would have to pass -1. So one exact verdict judges a run.
     """
     omega = _frequencies(model, CROSSOVERS)
     found: list[_Design] = []

@@ -212,9 +212,8 @@ def stabilizing_filter_exists(process: Any, model: Any) -> Answer:
 class _Common(NamedTuple):
     """What a polynomial of the process shares with one of the model.
 
-    `roots` are common, in the right half plane or on the axis but for s = 0, each once; `process`
-    and `model` are without the common factor. All of the model's that has common roots `cancels`,
-    and leaves `rest`.
+    `roots` are those in common, not on the left and not 0; `process` and `model` are without the
+    common factor. All of the model's with common roots `cancels`, and leaves `rest`.
     """
 
     roots: ComplexArray

@@ -7,8 +7,9 @@ some is tried on all, the one with the highest peak joins them, until none is to
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable
 from functools import cache, reduce
+from math import inf
 from typing import Any
 
 import control as ct
@@ -28,17 +29,14 @@ EXTRA_ORDERS = 2  # how many orders above the lowest causal one are tried where 
 MET = 1e-6  # by how much Ms of a plant that decides may exceed the limit, relatively
 MOST = 60  # plants that may decide
 
-Filters = int | FilterFamily
-
 
 def design_filter(
-    process: Any, model: Any, *, max_ms: float, order: Filters | Sequence[Filters] | None = None
+    process: Any, model: Any, *, max_ms: float, order: int | FilterFamily | None = None
 ) -> LowPassFilter | ct.TransferFunction:
     r"""Find the filter that rejects most with a limited peak of the sensitivity.
 
     Of one order that is the smallest λ. Orders are compared by nλ, the slope of the filter's part
-    in S_d at low frequency, which says what a slow disturbance leaves behind; families alike: where
-    S_d ~ c s^k, by c^(1/k), one over the frequency at which that line reaches 1.
+    in S_d at low frequency, which says what a slow disturbance leaves behind.
 
     Parameters
     ----------
@@ -51,15 +49,15 @@ def design_filter(
         Largest allowed peak of ``|S_d| = |1/(1 + L)|``, above 1: margins of L = F·R/(1 - F),
         R = G/G̃, are what a change of the plant uses up, those of F·H are not. It leaves a gain
         margin of Ms/(Ms - 1) and a phase margin of 2 asin(1/(2 Ms)): 2 and 29° for Ms = 2.
-    order : int or FilterFamily, or several of them, optional
+    order : int or FilterFamily, optional
         Order or family of the filter. By default the lowest causal order and the next two are
         compared.
 
     Returns
     -------
     LowPassFilter, or control.TransferFunction of another family
-        The one of smallest nλ, or what corresponds to it in a family. Of several plants it is
-        proved for these, not for what lies between.
+        The one of smallest nλ. Of several plants it is proved for these, not for what lies
+        between.
 
     Raises
     ------
@@ -89,15 +87,20 @@ def design_filter(
     if not len(plants):
         raise ValueError("there are no plants")
     first = plants[0]
-    found = (FilterSearch.of(first, model, n, limit) for n in _orders(first, model, order))
-    searches = sorted(found, key=lambda search: search.promise)
-    deciding, best = [0], None
+    orders: Iterable[Any] = (order,)
+    if order is None:
+        lowest = Mismatch.of(first, model).order
+        orders = range(lowest, lowest + EXTRA_ORDERS + 1)
+    searches = sorted(
+        (FilterSearch.of(first, model, n, limit) for n in orders), key=lambda each: each.promise
+    )
+    deciding, best, slowness = [0], None, inf
     for search in searches:
-        if best and search.promise > search.sluggishness(best):
+        if search.promise > slowness:
             break
-        filter = _fastest(search, plants, deciding)
-        if filter and (not best or search.sluggishness(filter) < search.sluggishness(best)):
-            best = filter
+        found = _fastest(search, plants, deciding)
+        if found is not None and search.family.order * found < slowness:
+            best, slowness = search.family.at(found), search.family.order * found
     if best is None:
         raise ValueError(_refusal(searches, deciding))
     return best
@@ -110,20 +113,8 @@ def _several(process: Any) -> bool:
     return listed or hasattr(process, "peaks")
 
 
-def _orders(process: Any, model: Any, order: Any) -> Sequence[Filters]:
-    """Give the orders and families to be compared."""
-    if order is None:
-        lowest = Mismatch.of(process, model).order
-        return range(lowest, lowest + EXTRA_ORDERS + 1)
-    if not isinstance(order, list | tuple):
-        return (order,)
-    if not order:
-        raise ValueError("order is an empty list; give an order, a family, or several of them")
-    return order
-
-
-def _fastest(search: FilterSearch, plants: Any, deciding: list[int]) -> Any:
-    """Find the fastest filter of one order or family; plants that decide are added to the list."""
+def _fastest(search: FilterSearch, plants: Any, deciding: list[int]) -> float | None:
+    """Find the smallest λ of one order or family; plants that decide are added to the list."""
 
     @cache
     def admissible(k: int) -> list[tuple[float, float]]:
@@ -138,7 +129,8 @@ def _fastest(search: FilterSearch, plants: Any, deciding: list[int]) -> Any:
             return None
         low, high = windows[0]
         however_fast = low == search.intervals[0][0]
-        filter = search.family.at(low if not however_fast else _fast(search, low, high))
+        value = _fast(search, low, high) if however_fast else low
+        filter = search.family.at(value)
         peaks = _peaks(plants, search.model, filter) if len(plants) > 1 else np.ones(1)
         k = int(peaks.argmax())
         if peaks[k] <= search.max_ms * (1 + MET) or k in deciding:
@@ -149,7 +141,7 @@ def _fastest(search: FilterSearch, plants: Any, deciding: list[int]) -> Any:
                     f"however fast{looked_at}; let the noise choose, for example by the largest "
                     "|U_eta| that the actuator allows"
                 )
-            return filter
+            return value
         deciding.append(k)
         if len(deciding) > MOST:
             raise ValueError(f"over {MOST} plants would decide; give a smaller family")
@@ -178,10 +170,9 @@ def _named(family: FilterFamily) -> str:
 
 def _refusal(searches: list[FilterSearch], deciding: list[int]) -> str:
     """Say why there is no filter, and what comes closest."""
-    first, families = searches[0], [search.family for search in searches]
-    names = " or ".join(map(_named, families))
-    if all(family.is_binomial for family in families):
-        names = f"order {' or '.join(map(str, sorted(family.order for family in families)))}"
+    first = searches[0]
+    orders = " or ".join(str(n) for n in sorted(search.family.order for search in searches))
+    names = f"order {orders}" if first.family.is_binomial else _named(first.family)
     if len(deciding) > 1:
         return (
             f"no filter of {names} meets Ms ≤ {first.max_ms:g} with every plant: members "

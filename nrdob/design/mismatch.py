@@ -64,10 +64,9 @@ class Mismatch:
     """The ratio R = G/G̃ = b/a · exp(-(θ - θm)s) and a family of filters.
 
     The factors N, D, Nm and Dm are without what cancels inside the blocks but for m integrators;
-    those that process and model have in common are in no factor. Their roots say where R changes.
-    `zeros` is all of Nm, `delay` and `wait` are θ and θm in seconds, `divided` is m. Row k of E and
-    Nf holds the coefficients of λ^k, descending in s; E is all of Df where the model has a dead
-    time, else Df - Nf.
+    those that process and model have in common are in no factor. `zeros` is all of Nm, `delay` and
+    `wait` are θ and θm, `divided` is m. Row k of E and Nf holds the coefficients of λ^k, descending
+    in s; E is all of Df where the model has a dead time, else Df - Nf.
     """
 
     factors: Factors
@@ -182,10 +181,7 @@ class Mismatch:
     def p_B(
         self, time_constant: float, gain: float = 1.0, delay: float | None = None, lag: float = 0.0
     ) -> QuasiPolynomial:
-        """Characteristic function for one filter, without what cancels inside the blocks.
-
-        The process may be multiplied by a gain, and have another dead time and an additional lag.
-        """
+        """Characteristic function with one filter, and process: its gain, dead time, more lag."""
         parts: list[FloatArray] = []
         sizes: list[FloatArray] = []
         more = np.array([lag, 1.0]) if lag else np.ones(1)
@@ -256,8 +252,7 @@ class Mismatch:
     def off_gain(self, omega: FloatArray, gain: float = 1.0) -> FloatArray:
         """Coefficients in λ, ascending, each frequency a column, of ``|a E|^2 - |b Nf/gain|^2``.
 
-        Its last root bounds the λ with ``|L| = gain``; the critical λ are among those of gain 1.
-        Two dead times are taken at their worst, so that the bound does not turn with them.
+        Its last root bounds the λ with ``|L| = gain``, two dead times taken at their worst.
         """
         (a, b, waits), (E, Nf) = self._apart(omega), self._tables(omega)
         ahead, behind = a * E, (np.abs(b) / gain + np.abs(waits)) * Nf
@@ -320,10 +315,7 @@ class Mismatch:
         return ahead, behind, waits
 
     def leading(self, *, lagging: bool = False) -> list[FloatArray]:
-        """Coefficients in λ, ascending, of the highest power of s in p_B of the three `terms`.
-
-        D may be multiplied by an additional lag, whose time constant is left out.
-        """
+        """Coefficients in λ, ascending, of the highest power of s in p_B of the three `terms`."""
         parts = [(self.E, self.a, lagging), (self.Nf, self.b, 0), (self.Nf, -self.waiting, lagging)]
         tables = [wide(table) for table, *_ in parts]
         degrees = [

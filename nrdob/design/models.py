@@ -222,10 +222,7 @@ def _numerators(num: FloatArray) -> list[tuple[FloatArray, str]]:
 
 
 def _denominator(num: FloatArray, den: FloatArray, delay: float) -> tuple[FloatArray, str]:
-    """Denominator of the same leading coefficient, all of whose roots are in the left half plane.
-
-    To mirror a real pole turns the sign of the DC gain, which is what parity asks for.
-    """
+    """Denominator with all roots in the left half plane; mirrored poles have the parity needed."""
     right, axis = roots_by_side(den)
     if not right.size + axis.size:
         return den, ""

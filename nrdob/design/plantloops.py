@@ -53,10 +53,9 @@ class PlantLoops:
         return cls(mismatch, omega[noise < NOISE * size])
 
     def distances(self, time_constants: FloatArray, limit: float) -> tuple[FloatArray, FloatArray]:
-        """How near to -1 stable loops come, 1/Ms, both ends of the axis included.
+        """How near to -1 stable loops come, 1/Ms, and how far ln λ may surely change.
 
-        And by how much ln λ may change at least until ``|1 + L|`` falls or rises to the limit, at
-        the frequencies of the grid.
+        So far ``|1 + L|`` neither falls nor rises to the limit at the frequencies of the grid.
         """
         rows = max(1, AT_ONCE // self.omega.size)
         parts = [
@@ -91,9 +90,7 @@ class PlantLoops:
     def _beside_turns(self, time_constants: FloatArray) -> tuple[IntArray, FloatArray]:
         """Loops, (m,), and frequencies, (m, BESIDE), where L may hide a narrow resonance.
 
-        That is where 1 - F exp(-θm s) is small, before each whole turn of the model's dead time:
-        the faster the filter, the nearer to it and the narrower. There L is about R/(ε + jx), x the
-        phase in radians.
+        There 1 - F exp(-θm s) is small, before each whole turn of the model's dead time.
         """
         wait, k = self.mismatch.wait, time_constants.size
         if not wait:
@@ -145,10 +142,9 @@ class PlantLoops:
             return np.abs(1 + np.nan_to_num(behind / (ahead + waits), nan=inf, neginf=inf))
 
     def at_poles(self, time_constants: FloatArray) -> FloatArray:
-        """Smallest ``|1 + L|`` beside poles of R on the axis.
+        """Smallest ``|1 + L|`` beside poles of R on the axis too narrow for the grid.
 
-        There L = ρ/(j(ω - ω0)) is a straight line through 0. It is looked at here where ``|ρ|`` is
-        so small that the frequencies of the grid are too far apart to show it.
+        There L = ρ/(j(ω - ω0)) is a straight line through 0.
         """
         distances = np.ones(time_constants.shape)
         _, D, Nm, _ = self.mismatch.factors
@@ -194,9 +190,8 @@ def _lower(
 ) -> None:
     """Lower the smallest value of each loop to that between each `low` and `high`.
 
-    By looking ever more closely where it may still be lower: between three values of which the
-    middle one is lowest, a parabola and a kink lie below that by at most half of what they rise
-    from it. Where these hardly differ it is a parabola.
+    Around the lowest of some values ever more closely, until these lie on a parabola: it, and a
+    kink, is below the middle one by at most half of what the others rise from it.
     """
     share = np.linspace(0, 1, ACROSS)
     for _ in range(ZOOMS):

@@ -22,8 +22,8 @@ import numpy as np
 from scipy.optimize import brentq, elementwise
 
 from ..analysis import Margins, quotient_margins
-from ..diagram import FilterFamily, ObserverEquations, Quotient
-from ..numerics import BoolArray, FloatArray, IntArray, QuasiPolynomial, bisect, is_real
+from ..diagram import FilterFamily, ObserverEquations
+from ..numerics import BoolArray, FloatArray, IntArray, bisect, is_real
 from .mismatch import Mismatch
 from .mismatchgrid import Frequencies
 from .plantloops import PlantLoops
@@ -134,10 +134,8 @@ class FilterSearch:
 
     def plant_loop(self, time_constant: float) -> Margins:
         """Exact margins of L with a λ of the stabilising set."""
-        return quotient_margins(self._loop(self.family.at(time_constant)).L, True)
-
-    def _loop(self, filter: Any) -> ObserverEquations:
-        return ObserverEquations(self.process, self.model, filter)
+        loop = ObserverEquations(self.process, self.model, self.family.at(time_constant))
+        return quotient_margins(loop.L, True)
 
     @cached_property
     def slack(self) -> Callable[[float], float]:
@@ -164,23 +162,8 @@ class FilterSearch:
 
     @property
     def promise(self) -> float:
-        """Sluggishness of the fastest filter not excluded: 0 if all fast ones do, inf for none."""
-        if self.all_fast_ones_do or self.first == inf:
-            return 0.0 if self.all_fast_ones_do else inf
-        return self.sluggishness(self.family.at(self.first))
-
-    def sluggishness(self, filter: Any) -> float:
-        r"""Time in which the loop rejects, in seconds: the smaller, the more it rejects.
-
-        At low frequency :math:`S_d \to (1 - F)/R = c\,s^k`, and :math:`c^{1/k}` is one over the
-        frequency at which that line reaches 1: nλ/R(0) for eq. (1), comparable for all ramps.
-        """
-        S = self._loop(filter).S_d
-        k = S.zeros_at_origin
-        if k <= 0:
-            return inf
-        power = QuasiPolynomial(np.append(1.0, np.zeros(k)))
-        return float(abs(Quotient(S.num, (*S.den, power)).dc_gain) ** (1 / k))
+        """Least nλ that is not excluded: 0 if all fast filters do, inf for none."""
+        return 0.0 if self.all_fast_ones_do else self.family.order * self.first
 
     @cached_property
     def admissible(self) -> list[Interval]:
@@ -237,10 +220,7 @@ class FilterSearch:
 
 @dataclass(frozen=True, eq=False)
 class Scan:
-    """Where the slack ln(1/Ms) - ln(1/limit) is positive, from samples that cover the intervals.
-
-    `x` is ln λ, `slack` the slack there, `part` the number of the interval in which each lies.
-    """
+    """Samples of ln λ, x, and the slack ln(limit/Ms), in the intervals with the numbers `part`."""
 
     loops: PlantLoops
     max_ms: float

@@ -220,8 +220,7 @@ def _counts(
 ) -> list[float | None]:
     """Count the roots in the right half plane in each interval; None where they cannot be.
 
-    The crossings carry one count through all intervals. It is counted again by the argument at
-    both ends, and wherever it is said to be 0.
+    The crossings carry a count from one to the next; wherever that is 0 the argument must agree.
     """
     counted: dict[int, float | None] = {}
     for start in reversed(range(len(intervals))):

@@ -129,8 +129,7 @@ class _Loops:
 def _frequencies(loops: _Loops) -> tuple[FloatArray, BoolArray, _Stretches, BoolArray]:
     """Choose frequencies that all share, and stretches of their own where those are not clear.
 
-    Returned are the frequencies, between which of them which loops are clear, the stretches that
-    stand there for the others, and which loops can be trusted.
+    Returned are also between which of them which loops are clear, and which can be trusted.
     """
     low, high = 1.0, 1.0
     ranges = [frequency_range(*factor) for factor in loops.factors]

@@ -160,9 +160,8 @@ def delay_intervals(loop: NRDOB, low: float, high: float) -> list[tuple[float, f
 def _critical_delays(loop: NRDOB, span: Interval) -> Critical:
     """Dead times at which a pair of roots crosses, up to where no more can be stable.
 
-    Whatever the dead time, the pair at a gain crossover goes right where the gain falls, and left
-    where it rises. The turns of the former are the faster ones (the last crossover is one), so that
-    the pairs in the right half plane are at least as many as the turns on balance.
+    At a gain crossover a pair goes right where the gain falls, and left where it rises: there are
+    at least as many on the right as turns on balance, and those of the last crossover are fastest.
     """
     omega = loop.margins().plant_loop.gain_crossovers
     omega = omega[(omega > 0) & np.isfinite(omega)]
@@ -199,8 +198,7 @@ def _stable_between(
 ) -> list[tuple[float, float]]:
     """Judge the loop between every two critical values where it may be stable, and join these.
 
-    Each pair of roots on the axis goes the way that the slope of L there says, so that their number
-    on the right is known from one stretch to the next. The last one is judged in any case.
+    The slope of L says to which side roots go; the last stretch is judged in any case.
     """
     values, omega = critical
     inside = (values > span.low) & (values < span.high)
@@ -379,9 +377,7 @@ def _largest(loop: NRDOB, asked: dict[str, Interval]) -> Box:
 def _where_corners_meet(loop: NRDOB, omega: FloatArray, asked: dict[str, Interval]) -> FloatArray:
     """Frequencies at which a plant oscillates of which two parameters are at corners.
 
-    The corners are those of the box and the nominal plant. |k L| = |1 + jωT| leaves the dead time
-    free, an equal angle the gain, and Re(k L exp(-jωτ)) = -1 the lag. Only between such frequencies
-    a plant of the box can oscillate, however narrow that is.
+    Only between such frequencies a plant of the box can oscillate, however narrow that is.
     """
     gains, delays, lags = ({nominal, *asked[name]} for name, nominal in NOMINAL.items())
 

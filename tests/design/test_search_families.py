@@ -28,17 +28,6 @@ def test_a_family_of_lags_is_judged_as_its_order_is():
     assert high == pytest.approx(expected, rel=1e-6)
 
 
-def test_of_several_families_the_one_that_rejects_most_is_taken():
-    families = [filter_family(kind, 2) for kind in ("butterworth", "bessel")]
-    best = design_filter(G, MODEL, order=families, max_ms=1.6)
-
-    def slope(F):
-        return abs(nrdob.NRDOB(G, MODEL, 1.0, F).S_d(1e-6j)) / 1e-6
-
-    alone = [design_filter(G, MODEL, order=family, max_ms=1.6) for family in families]
-    assert slope(best) == pytest.approx(min(map(slope, alone)), rel=1e-6)
-
-
 # A model that waits.
 
 
