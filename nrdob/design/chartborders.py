@@ -41,7 +41,6 @@ from .chartcurves import (
     beside_changes,
     cut,
     drawn,
-    drawn_together,
     level_set,
     parts,
     projected,
@@ -207,8 +206,8 @@ def _gain_and_lag(loops: ChartLoops, axes: tuple[Axis, Axis]) -> Iterator[Curve]
             return place, np.abs(W) ** 2 / W.real, -W.imag / (omega * W.real)
 
     omega = beside_changes(lambda w: loops.ratio(w).real, loops.frequencies(axes))
-    for part in parts(loops.ratio(omega).real > 0):
-        place, gain, lag = drawn(axes, np.log(omega[part])[None], at, 1)
+    places = [np.log(omega[part])[None] for part in parts(loops.ratio(omega).real > 0)]
+    for place, gain, lag in drawn(axes, places, at, 1):
         yield np.exp(place[0]), gain, lag
 
 
@@ -263,9 +262,8 @@ def _turns(
         kept = np.append(shown, False) | np.append(False, shown)
         turned = np.vstack([place, angle + 2 * pi * m])
         places += [turned[:, part] for part in parts(kept)]
-    if places:
-        for found, values, theta in drawn_together(axes, places, at, len(place)):
-            yield np.exp(found[0]), values, theta
+    for found, values, theta in drawn(axes, places, at, len(place)):
+        yield np.exp(found[0]), values, theta
 
 
 # With λ: where a function of ω and λ vanishes.
@@ -301,7 +299,7 @@ def _with_lambda(loops: ChartLoops, axes: tuple[Axis, Axis]) -> Iterator[Curve]:
         if second == "delay":
             yield from _turns(axes, line, at)
             continue
-        place, lam, values = drawn(axes, line, at, 2)
+        ((place, lam, values),) = drawn(axes, [line], at, 2)
         for part in parts(values > 0 if second == "gain" else np.isfinite(values)):
             yield np.exp(place[0, part]), lam[part], values[part]
 

@@ -12,8 +12,16 @@ import numpy as np
 from scipy.optimize import minimize_scalar
 
 from ..analysis import Margins, judge, quotient_margins
-from ..diagram import Fraction, LoopEquations, LowPassFilter, as_fraction, nonzero, undelayed
-from ..numerics import ComplexArray, FloatArray, IntArray, QuasiPolynomial, is_real
+from ..diagram import (
+    Fraction,
+    LoopEquations,
+    LowPassFilter,
+    as_fraction,
+    nonzero,
+    real_number,
+    undelayed,
+)
+from ..numerics import ComplexArray, FloatArray, IntArray, QuasiPolynomial
 
 __all__ = ["design_controller"]
 
@@ -97,8 +105,8 @@ def design_controller(
     fraction = nonzero(as_fraction(undelayed(model)[0], "model"), "model")
     options = {"bandwidth": bandwidth, "phase_margin": phase_margin, "max_ms": max_ms}
     for name, given in options.items():
-        if given is not None and not is_real(given):
-            raise TypeError(f"{name} is {given!r}; give a real number")
+        if given is not None:
+            real_number(given, name, "give a real number")
     if not 0 < phase_margin < 90:
         raise ValueError(
             f"phase_margin is {phase_margin}; give an angle between 0 and 90 degrees, such as 60"

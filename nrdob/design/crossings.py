@@ -41,6 +41,7 @@ ROUGH, STEP, FARTHEST = 1e-11, 1e-15, 1e-3
 """Bound of the rounding error of a critical λ from which it is found exactly; step of the frequency
 for that, and by how much it may differ at most."""
 
+BESIDE = 1.1  # another λ, against a critical one, at which p_B has its usual degree
 JUMP = 1e-6  # distance from the line, against the branch's size, that makes it a jump
 
 
@@ -289,7 +290,8 @@ def _through_ends(mismatch: Mismatch) -> list[CriticalTimeConstant]:
             lead, second = (float(np.polyval(np.polyder(p), critical)) for p in (end, other))
             direction = int(-np.sign(lead * np.polyval(other, critical)))
             rest = mismatch.p_B(critical)
-            if frequency and not rest.delay and rest.q.size == _degree(mismatch) - 1:
+            usual = mismatch.p_B(BESIDE * critical).q.size
+            if frequency and not rest.delay and rest.q.size == usual - 2:
                 direction = _pair_at_infinity(mismatch, critical, (lead, second))
             found.append(CriticalTimeConstant(critical, frequency, direction))
     return found
@@ -331,10 +333,3 @@ def _pair_at_infinity(mismatch: Mismatch, critical: float, slopes: tuple[float, 
     third, fourth = np.append(mismatch.p_B(critical).q, 0.0)[:2]
     of_pair = 2 if fourth / third > second / lead else 0
     return of_pair - 1 if third / lead > 0 else 1 - of_pair
-
-
-def _degree(mismatch: Mismatch) -> int:
-    """Highest power of s in p_B for most λ."""
-    parts = [(mismatch.E, mismatch.a), *((mismatch.Nf, p) for p, _ in mismatch.behind)]
-    highest = max(wide(table).shape[1] + p.size for table, p in parts if p.any()) - 2
-    return int(highest - mismatch.divided)

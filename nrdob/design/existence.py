@@ -99,7 +99,7 @@ def right_half_plane_parity(process: Any, model: Any) -> Answer:
     if mismatch.held_at_origin:
         # Of a zero of the process no filter is rid, of integrators one with 1 - F ~ s^2 or more.
         return Answer(False if mismatch.factors[0][-1] == 0 else None, ROOT_AT_ORIGIN)
-    if mismatch.integrator:
+    if mismatch.divided:
         return Answer(True, INTEGRATOR)
     _, D, Nm, _ = mismatch.factors
     P = roots_by_side(D, Nm)[0].size
@@ -177,7 +177,7 @@ def stabilizing_filter_exists(process: Any, model: Any) -> Answer:
     N, D, Nm, Dm = mismatch.factors
     unstable = np.concatenate(roots_by_side(D, Nm))
     shared = [root for root in unstable if any(vanishes(p, root) for p in (N, Dm))]
-    integrators = Dm[-1] == 0 and not mismatch.integrator  # beside the one that both have
+    integrators = Dm[-1] == 0 and not mismatch.divided  # beside the one that both have
     if N[-1] and (shared or integrators):
         return _made_for_common_roots(mismatch, [*shared, *([0j] if integrators else [])])
     # With a dead time p_B has the sign of a far out on the real axis, whatever F.
@@ -190,7 +190,7 @@ def stabilizing_filter_exists(process: Any, model: Any) -> Answer:
     zeros = _real_zeros(b, a)
     signs = np.sign(np.polyval(a, zeros.real))
     first = b[-1]
-    if mismatch.integrator:  # the sign at 0 is free
+    if mismatch.divided:  # the sign at 0 is free
         first = signs[0] if free_at_infinity and signs.size else a[0]
     wrong = zeros[signs * first < 0]
     if wrong.size:
@@ -253,7 +253,7 @@ def _made_for_common_roots(mismatch: Mismatch, shared: list[complex]) -> Answer:
         )
     which = ", ".join(dict.fromkeys(written(root, pair=True) for root in shared))
     made = f"an F made for what process and model have in common at {which}"
-    signs = {"s = 0": _sign(0.0, N, poles.rest, zeros.cancels)} if not mismatch.integrator else {}
+    signs = {"s = 0": _sign(0.0, N, poles.rest, zeros.cancels)} if not mismatch.divided else {}
     for p in poles.roots[poles.roots.imag == 0].real.tolist():
         signs[f"the common pole {p:.4g}"] = _sign(p, N, poles.rest, zeros.cancels)
     for z in zeros.roots[zeros.roots.imag == 0].real.tolist():

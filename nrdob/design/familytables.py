@@ -113,11 +113,7 @@ def wide(table: FloatArray) -> FloatArray:
 
 def rows(table: FloatArray, s: Any) -> Any:
     """Value of each row's polynomial, descending coefficients, at the same points."""
-    columns = table.T.reshape(*table.T.shape, *[1] * s.ndim)
-    value = np.zeros((table.shape[0], *s.shape), dtype=s.dtype) + columns[0]
-    for column in columns[1:]:
-        value = value * s + column
-    return value
+    return np.polynomial.polynomial.polyval(s, table.T[::-1])
 
 
 def exactly_on_axis(p: FloatArray, omega: FloatArray) -> ComplexArray:

@@ -47,11 +47,10 @@ def stable_for_slow_filters(process: Any, model: Any, order: int) -> Answer:
     r"""Tell whether the observer loop is stable for every large enough λ.
 
     As λ → ∞ the roots of p_B tend to those of D·Nm, and n of them to 0 as
-    :math:`(-1 + (1 - g_0)^{1/n})/\lambda`, with :math:`g_0 = G(0)/\tilde G(0)`. So the loop is
-    stable for all large λ if D·Nm is Hurwitz and :math:`0 < g_0 < M_n`, and unstable if either
-    fails strictly. With m roots of D·Nm at 0, m + n roots spread evenly around a circle that
-    shrinks as :math:`\lambda^{-n/(m+n)}`: three or more reach the right half plane. A dead time of
-    the model changes none of this: the filter is slow against it.
+    :math:`(-1 + (1 - g_0)^{1/n})/\lambda`, with :math:`g_0 = G(0)/\tilde G(0)`: stable if D·Nm is
+    Hurwitz and :math:`0 < g_0 < M_n`, and unstable if either fails strictly (Theorem A.9 of the
+    book). With m roots of D·Nm at 0, m + n roots leave 0 in all directions. No dead time changes
+    any of this: the filter is slow against it.
 
     Parameters
     ----------
@@ -102,9 +101,9 @@ def _unless_on_axis(answer: Answer, axis: ComplexArray, whose: str) -> Answer:
 
 def _slow_roots(mismatch: Mismatch) -> Answer:
     """Tell where the roots go that tend to 0 as λ grows."""
-    if mismatch.integrator:
+    if mismatch.divided:
         return Answer(True, f"process and inverse model are stable, and {INTEGRATOR}")
-    n, (a, b) = mismatch.order, (mismatch.a, mismatch.b)
+    n, (a, b) = mismatch.family.order, (mismatch.a, mismatch.b)
     if origin := QuasiPolynomial(a).zeros_at_origin:
         poles = f"process over model has {origin} pole{'s' if origin > 1 else ''} at s = 0"
         if origin + n > 2:
@@ -144,18 +143,10 @@ def _slow_roots(mismatch: Mismatch) -> Answer:
 def stable_for_fast_filters(process: Any, model: Any, order: int) -> Answer:
     r"""Tell whether the observer loop is stable for every small enough λ.
 
-    As λ → 0 the slow roots of p_B tend to those of N·Dm. The fast ones follow from the excess m of
-    the model's relative degree over the process's, and from the ratio c of the leading
-    coefficients, :math:`R \to c\,s^m`:
-
-    - m = 0: :math:`(-1 + (1 - c)^{1/n})/\lambda`, in the left half plane if 0 < c < M_n;
-    - m > 0: :math:`s^{n-m} = -c/\lambda^n`, in the left half plane if c > 0 and n - m ≤ 2;
-    - m = -1: :math:`s^2 = -c/(n\lambda)`, whose real part tends to
-      :math:`(n-1)c/(4n) + (\sum p_R - \sum z_R)/2` if c > 0;
-    - m ≤ -2: at least one of the roots of :math:`s^{1-m} = -c/(n\lambda)` is in the right half
-      plane.
-
-    A dead time that the model has not leaves more and more roots in the right half plane as λ → 0.
+    As λ → 0 the slow roots of p_B tend to those of N·Dm, and the fast ones to those of
+    :math:`(\lambda s + 1)^n - 1 = -c\,s^m`, with :math:`R \to c\,s^m` at high frequency: Theorem
+    11.2 of the book, case by case. A dead time that the model has not leaves more and more roots in
+    the right half plane as λ → 0.
 
     Parameters
     ----------
@@ -202,8 +193,8 @@ def stable_for_fast_filters(process: Any, model: Any, order: int) -> Answer:
 
 
 def _fast_roots(mismatch: Mismatch) -> Answer:
-    n, m = mismatch.order, mismatch.excess
-    c, bound = float(mismatch.b[0] / mismatch.a[0]), gain_bound(mismatch.order)
+    n, m = mismatch.family.order, mismatch.excess
+    c, bound = float(mismatch.b[0] / mismatch.a[0]), gain_bound(mismatch.family.order)
     if m == n:
         return Answer(True, "all roots tend to those of N·Dm, which are in the left half plane")
     if m <= -2:

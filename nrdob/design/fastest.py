@@ -15,9 +15,7 @@ from typing import Any
 import control as ct
 import numpy as np
 
-from ..analysis import judge_observer, quotient_margins
-from ..diagram import DelayedTransferFunction, FilterFamily, LowPassFilter, ObserverEquations
-from ..numerics import FloatArray
+from ..diagram import FilterFamily, LowPassFilter
 from .existence import stabilizing_filter_exists
 from .mismatch import Mismatch
 from .search import FilterSearch, checked_ms
@@ -40,9 +38,9 @@ def design_filter(
 
     Parameters
     ----------
-    process : as for `nrdob.NRDOB`, or several of them
-        G, with or without dead time. Of a `nrdob.plant_family`, or a list of blocks, every member
-        must meet the specification.
+    process : as for `nrdob.NRDOB`, or PlantFamily
+        G, with or without dead time. Of a `nrdob.plant_family` every member must meet the
+        specification.
     model : as for `nrdob.NRDOB`
         G̃, with or without dead time.
     max_ms : float
@@ -79,17 +77,17 @@ def design_filter(
     >>> G, Gm = 0.1*(100 - s)/(s + 2), 10/(s + 2)
     >>> round(design_filter(G, Gm, order=2, max_ms=1.6).time_constant, 5)
     0.01708
-    >>> round(design_filter([0.7 * G, 1.5 * G], Gm, order=2, max_ms=1.6).time_constant, 5)
+    >>> import nrdob
+    >>> plants = nrdob.plant_family(G, gain=(0.7, 1.5), grid=2)
+    >>> round(design_filter(plants, Gm, order=2, max_ms=1.6).time_constant, 5)
     0.02942
     """
     limit = checked_ms(max_ms)
-    plants: Any = process if _several(process) else [process]
-    if not len(plants):
-        raise ValueError("there are no plants")
+    plants: Any = process if hasattr(process, "peaks") else [process]
     first = plants[0]
     orders: Iterable[Any] = (order,)
     if order is None:
-        lowest = Mismatch.of(first, model).order
+        lowest = Mismatch.of(first, model).family.order
         orders = range(lowest, lowest + EXTRA_ORDERS + 1)
     searches = sorted(
         (FilterSearch.of(first, model, n, limit) for n in orders), key=lambda each: each.promise
@@ -104,13 +102,6 @@ def design_filter(
     if best is None:
         raise ValueError(_refusal(searches, deciding))
     return best
-
-
-def _several(process: Any) -> bool:
-    """Tell a family or a list of blocks from a block, which may be a pair of lists."""
-    blocks = ct.TransferFunction | ct.StateSpace | DelayedTransferFunction
-    listed = isinstance(process, list | tuple) and all(isinstance(p, blocks) for p in process)
-    return listed or hasattr(process, "peaks")
 
 
 def _fastest(search: FilterSearch, plants: Any, deciding: list[int]) -> float | None:
@@ -131,7 +122,7 @@ def _fastest(search: FilterSearch, plants: Any, deciding: list[int]) -> float | 
         however_fast = low == search.intervals[0][0]
         value = _fast(search, low, high) if however_fast else low
         filter = search.family.at(value)
-        peaks = _peaks(plants, search.model, filter) if len(plants) > 1 else np.ones(1)
+        peaks = plants.peaks(search.model, filter) if len(plants) > 1 else np.ones(1)
         k = int(peaks.argmax())
         if peaks[k] <= search.max_ms * (1 + MET) or k in deciding:
             if however_fast:
@@ -150,17 +141,6 @@ def _fastest(search: FilterSearch, plants: Any, deciding: list[int]) -> float | 
 def _fast(search: FilterSearch, low: float, high: float) -> float:
     """Return a λ that is much smaller than those of the plant, or beside the floor."""
     return low * (1 + MET) or 1e-3 * min(high, 1 / float(search.frequencies.mismatch.speeds.max()))
-
-
-def _peaks(plants: Any, model: Any, filter: Any) -> FloatArray:
-    """Ms of every plant; inf where the loop is not known to be stable."""
-    if hasattr(plants, "peaks"):  # of a family they are computed together
-        return np.asarray(plants.peaks(model, filter))
-    ms = np.full(len(plants), np.inf)
-    for k, plant in enumerate(plants):
-        if judge_observer(plant, model, filter).stable:
-            ms[k] = quotient_margins(ObserverEquations(plant, model, filter).L, True).ms
-    return ms
 
 
 def _named(family: FilterFamily) -> str:

@@ -1,21 +1,17 @@
 r"""Process over model, and the observer loop as a polynomial in the time constant λ.
 
-What every question about filters starts from is :math:`R = G/\tilde G = b/a`, a = D·Nm, b = N·Dm.
-With the coefficients :math:`e_k` and :math:`n_k` of the powers of λ in :math:`D_f - N_f` and
-:math:`N_f`
+With :math:`R = G/\tilde G = b/a`, a = D·Nm, b = N·Dm, and the coefficients :math:`e_k`,
+:math:`n_k` and :math:`d_k` of the powers of λ in :math:`D_f - N_f`, :math:`N_f` and :math:`D_f`
 
 .. math:: p_B(s; \lambda)
           = s^{-m} \sum_k \lambda^k \left( a\,e_k + b\,n_k\,e^{-\theta s} \right):
 
 m integrators, which the model has more than the process, cancel inside (1 - F)·model. Whatever else
-F/G̃ and (1 - F)G̃ share with themselves for every λ is divided out of the model and of
-:math:`e_k` or :math:`n_k`. With a dead time in the model no pole but integrators cancels, and
+F/G̃ and (1 - F)G̃ share with themselves for every λ is divided out. With a dead time in the model no
+pole but integrators cancels, and m of Taylor's terms of :math:`e^{-\theta_m s}` go to :math:`d_k`:
 
 .. math:: p_B(s; \lambda) = s^{-m} \sum_k \lambda^k \left(
           a\,d_k + (b\,e^{-\theta s} - D N_m\,e^{-\theta_m s})\,n_k \right).
-
-On the axis m of Taylor's terms of :math:`e^{-\theta_m s}` go to :math:`d_k`, so that both parts can
-be divided.
 """
 
 from __future__ import annotations
@@ -111,11 +107,6 @@ class Mismatch:
     def __post_init__(self) -> None:
         self.a, self.b  # noqa: B018 - those out of range are refused at once
 
-    @property
-    def order(self) -> int:
-        """Degree n of the filters' denominator."""
-        return self.family.order
-
     # The ratio R.
 
     @cached_property
@@ -129,11 +120,6 @@ class Mismatch:
         return multiplied(self.factors[0], self.factors[3])
 
     @property
-    def integrator(self) -> bool:
-        """Whether integrators of the model cancel inside (1 - F)·model that the process has not."""
-        return self.divided > 0
-
-    @property
     def longest_delay(self) -> float:
         """The longer of the two dead times, in seconds."""
         return max(self.delay, self.wait)
@@ -141,7 +127,7 @@ class Mismatch:
     @property
     def held_at_origin(self) -> bool:
         """Whether p_B(0) = N(0) Dm(0) = 0 whatever λ, with the filters of eq. (1)."""
-        return bool(self.b[-1] == 0) and not self.integrator
+        return bool(self.b[-1] == 0) and not self.divided
 
     @cached_property
     def roots(self) -> ComplexArray:
@@ -174,7 +160,7 @@ class Mismatch:
         return [values_on_axis(p, omega) for p in self.factors]
 
     def _sizes(self, omega: FloatArray) -> list[FloatArray]:
-        return [rows(np.abs(p)[None], np.asarray(omega))[0] for p in self.factors]
+        return [np.polyval(np.abs(p), omega) for p in self.factors]
 
     # For one filter.
 
@@ -192,11 +178,11 @@ class Mismatch:
                 for of, found in ((np.asarray, parts), (np.abs, sizes)):
                     row = np.polyval(of(table)[::-1], time_constant)
                     found.append(np.convolve(times, np.convolve(of(factor), row)))
-        in_range = abs(self.order * log10(time_constant)) <= 300
+        in_range = abs(self.family.order * log10(time_constant)) <= 300
         if not (in_range and all(np.isfinite(size).all() for size in sizes)):
             raise ArithmeticError(
-                f"time constant {time_constant:g} s to the power {self.order} leaves the range of "
-                "floating-point numbers: choose another unit of time"
+                f"time constant {time_constant:g} s to the power {self.family.order} leaves the "
+                "range of floating-point numbers: choose another unit of time"
             )
         late = self.delay if delay is None else delay
         waits = (Term(parts[2], self.wait),) if self.wait else ()

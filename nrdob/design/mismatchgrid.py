@@ -68,7 +68,7 @@ class Frequencies:
         Where R ≈ c s^m, λ jω may run along the imaginary axis but for an angle of (largest root)/ω.
         """
         mismatch = self.mismatch
-        n, speeds = mismatch.order, mismatch.speeds
+        n, speeds = mismatch.family.order, mismatch.speeds
         slowest, fastest = np.log10(speeds.min()), np.log10(speeds.max())
         first, last = slowest, fastest
         m, size = mismatch.excess, np.log10(abs(mismatch.b[0] / mismatch.a[0]))

@@ -22,8 +22,8 @@ import numpy as np
 from scipy.optimize import brentq, elementwise
 
 from ..analysis import Margins, quotient_margins
-from ..diagram import FilterFamily, ObserverEquations
-from ..numerics import BoolArray, FloatArray, IntArray, bisect, is_real
+from ..diagram import FilterFamily, ObserverEquations, real_number
+from ..numerics import BoolArray, FloatArray, IntArray, bisect
 from .mismatch import Mismatch
 from .mismatchgrid import Frequencies
 from .plantloops import PlantLoops
@@ -89,14 +89,13 @@ def admissible_time_constants(
 
 def checked_ms(max_ms: Any) -> float:
     """Return a limit of the sensitivity peak, or refuse it."""
-    if not is_real(max_ms):
-        raise TypeError(f"max_ms is {max_ms!r}; give a real number, for example 1.7")
-    if not 1 < float(max_ms) < inf:
+    limit = real_number(max_ms, "max_ms", "give a real number, for example 1.7")
+    if not 1 < limit < inf:
         raise ValueError(
             f"max_ms is {max_ms}; |S_d| tends to 1 at high frequency, so its peak cannot be held "
             "to 1 or less: give a number above 1, for example 1.7"
         )
-    return float(max_ms)
+    return limit
 
 
 class Bracket(NamedTuple):
@@ -193,15 +192,15 @@ class FilterSearch:
         """Distances all over the stabilising set, dead times followed as far as it takes."""
         slowest, gain = self.intervals[0][0], (1 - 1 / self.max_ms) / SHORT
         if not self.frequencies.mismatch.longest_delay:
-            return self._scanned(PlantLoops.above(self.frequencies, slowest), self.intervals)
+            return Scan.of(PlantLoops.above(self.frequencies, slowest), self.max_ms, self.intervals)
         try:
             loops = PlantLoops.above(self.frequencies, slowest, gain)
             if loops.omega.size <= FEW:
-                return self._scanned(loops, self.intervals)
+                return Scan.of(loops, self.max_ms, self.intervals)
         except ValueError:  # dead times would have to be followed too far
             pass
         # How far they must be depends on the fastest filter that an unstable loop's gains leave.
-        scan = self._scanned(PlantLoops.above(self.frequencies, slowest), self.intervals)
+        scan = Scan.of(PlantLoops.above(self.frequencies, slowest), self.max_ms, self.intervals)
         if not scan.windows:
             return scan
         bracket, _ = scan.windows[0]
@@ -210,12 +209,11 @@ class FilterSearch:
             low, gain = scan.solved(bracket), gain * SHORT**2
         left = [(max(low, a), b) for a, b in self.intervals if b > low]
         try:
-            return self._scanned(PlantLoops.above(self.frequencies, low or slowest, gain), left)
+            return Scan.of(
+                PlantLoops.above(self.frequencies, low or slowest, gain), self.max_ms, left
+            )
         except ValueError as refusal:
             raise ValueError(f"max_ms is {self.max_ms}, too close to 1: {refusal}") from refusal
-
-    def _scanned(self, loops: PlantLoops, intervals: list[Interval]) -> Scan:
-        return Scan.of(loops, self.max_ms, intervals)
 
 
 @dataclass(frozen=True, eq=False)

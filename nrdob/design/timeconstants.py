@@ -13,9 +13,9 @@ from typing import Any
 
 import numpy as np
 
-from ..diagram import FilterFamily, undelayed
+from ..diagram import FilterFamily, real_number, undelayed
 from ..digital import process_in_w
-from ..numerics import count_rhp, is_real
+from ..numerics import count_rhp
 from .crossings import CriticalTimeConstant, crossings
 from .mismatch import Mismatch
 from .mismatchgrid import Frequencies
@@ -146,9 +146,8 @@ def stabilizing_time_constants(
 
 def stabilizing_set(frequencies: Frequencies, floor: float) -> list[tuple[float, float]]:
     """Find the set of `stabilizing_time_constants` above a floor, or above the lowest one."""
-    mismatch = frequencies.mismatch
     intervals, changes = _intervals(floor, _crossings(frequencies, floor))
-    counts = _counts(mismatch, intervals, changes)
+    counts = _counts(frequencies.mismatch, intervals, changes)
     return [part for part, count in zip(intervals, counts, strict=True) if count == 0]
 
 
@@ -182,24 +181,18 @@ def _checked_floor(frequencies: Frequencies, floor: float | None) -> float:
     """Return the floor asked for, or the default; an error for one that cannot be."""
     if floor is None:
         return 0.0 if _matched(frequencies) else frequencies.lowest_floor
-    if not is_real(floor):
-        raise TypeError(
-            f"floor is {floor!r}; it is the smallest time constant of interest, a number of "
-            "seconds, or None"
-        )
+    remedy = "it is the smallest time constant of interest, in seconds, or None"
+    floor = real_number(floor, "floor", remedy)
     if not (isfinite(floor) and floor > 0):
-        raise ValueError(
-            f"floor is {floor}; it is the smallest time constant of interest, in seconds: "
-            "positive and finite, or None"
-        )
-    mismatch = frequencies.mismatch
+        raise ValueError(f"floor is {floor}; {remedy}: it must be positive and finite")
     if floor <= frequencies.neutral_limit:
         raise ValueError(
-            f"floor is {floor:g} s, but with dead time and order {mismatch.order} every time "
-            f"constant up to {frequencies.neutral_limit:.6g} s leaves infinitely many roots in the "
-            "right half plane: choose a larger floor, or a higher order"
+            f"floor is {floor:g} s, but with dead time and order "
+            f"{frequencies.mismatch.family.order} every time constant up to "
+            f"{frequencies.neutral_limit:.6g} s leaves infinitely many roots in the right half "
+            "plane: choose a larger floor, or a higher order"
         )
-    return float(floor)
+    return floor
 
 
 def _intervals(

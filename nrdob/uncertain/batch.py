@@ -1,15 +1,12 @@
 r"""Many plants as arrays of coefficients, and condition ii of Lemma 1 for all, certified.
 
-Plants of the same degrees stand together; what no array can hold (an improper plant, one whose
-coefficients are no numbers) is left to be looked at by itself. Model, filter and controller are the
-same for all of them, so that condition i is judged once, and
+Model, filter and controller are the same for all plants, so that condition i is judged once, and
 
 .. math:: p_B = D\,(N_m' E) + N\,(D_m' N_f')\,e^{-\theta s}
 
-is a sum of two products with fixed polynomials. Without dead time it is Routh's test that decides,
-with dead time, or where a sign in Routh's array is not certain, the argument along the axis. Both
-allow the coefficients to be off by what `nrdob.numerics` calls rounding: what is so close to the
-border that this matters is left to `nrdob.NRDOB.stability`.
+is a sum of two products with fixed polynomials, in an array for plants of the same degrees. Without
+dead time Routh's test decides; with it, or where a sign in Routh's array is not certain, the
+argument along the axis. What is within rounding of the border is left to `nrdob.NRDOB.stability`.
 """
 
 from __future__ import annotations
@@ -57,22 +54,18 @@ class PlantBatch(NamedTuple):
     den: FloatArray
     delay: FloatArray
 
-    @property
-    def regular(self) -> BoolArray:
-        """Which can be computed with together: all numbers finite, nothing negative or zero."""
-        finite = np.isfinite(self.num).all(axis=0) & np.isfinite(self.den).all(axis=0)
-        causal = np.isfinite(self.delay) & (self.delay >= 0)
-        return np.asarray(finite & causal & self.num.any(axis=0) & self.den.any(axis=0))
-
     def of(self, chosen: IntArray) -> PlantBatch:
         """Take the columns of these numbers."""
         return PlantBatch(self.num[:, chosen], self.den[:, chosen], self.delay[chosen])
 
     def groups(self) -> Iterator[tuple[IntArray, PlantBatch]]:
-        """Regular, proper plants by degrees, with or without dead time: which, and they alone."""
+        """Proper plants of finite numbers by degrees, and with or without dead time: which."""
+        finite = np.isfinite(self.num).all(axis=0) & np.isfinite(self.den).all(axis=0)
+        causal = np.isfinite(self.delay) & (self.delay >= 0)
         num, den = (np.argmax(c != 0, axis=0) for c in (self.num, self.den))
         proper = self.den.shape[0] - den >= self.num.shape[0] - num
-        usable = np.flatnonzero(self.regular & proper)
+        given = self.num.any(axis=0) & self.den.any(axis=0)
+        usable = np.flatnonzero(finite & causal & given & proper)
         key = np.stack([num[usable], den[usable], self.delay[usable] > 0])
         for kind in np.unique(key, axis=1).T:
             chosen = usable[(key == kind[:, None]).all(axis=0)]
@@ -117,24 +110,13 @@ class Feedback:
         self.denominator = multiply(*self.poles)
 
     @cached_property
-    def delayed(self) -> bool:
-        """Whether the model has a dead time."""
-        return self.denominator.delay > 0
-
-    @cached_property
-    def zeros_at_origin(self) -> int:
-        """Power of s in K; negative for poles."""
-        power = sum(factor.zeros_at_origin for factor in self.zeros)
-        return power - sum(factor.zeros_at_origin for factor in self.poles)
-
-    @cached_property
-    def level(self) -> float:
-        """K without that power of s, at s = 0."""
-        zeros, poles = (
-            prod(factor.without_origin.constant for factor in factors)
-            for factors in (self.zeros, self.poles)
+    def lowest(self) -> tuple[float, int]:
+        """Value and power of s that K tends to at s = 0."""
+        (zeros, power), (poles, order) = (
+            (prod(p.without_origin.constant for p in part), sum(p.zeros_at_origin for p in part))
+            for part in (self.zeros, self.poles)
         )
-        return zeros / poles
+        return zeros / poles, power - order
 
     def gain_and_slope(self, omega: FloatArray) -> tuple[ComplexArray, ComplexArray]:
         """Evaluate K(jω), and dK/ds over K there."""

@@ -218,12 +218,13 @@ def _at_ends(loops: _Loops) -> FloatArray:
     feedback, (num, den, delay) = loops.feedback, loops.plants
     every = np.arange(delay.size)
     zeros, poles = (np.argmax(p[::-1] != 0, axis=0) for p in (num, den))
-    order = feedback.zeros_at_origin + zeros - poles
-    level = feedback.level * num[-1 - zeros, every] / den[-1 - poles, every]
+    level, power = feedback.lowest
+    level = level * num[-1 - zeros, every] / den[-1 - poles, every]
+    order = power + zeros - poles
     at_zero = np.abs(1 + np.where(order > 0, 0.0, np.where(order < 0, np.inf, level)))
     if feedback.numerator.degree + num.shape[0] < feedback.denominator.degree + den.shape[0]:
         return np.asarray(np.fmin(at_zero, 1.0))
-    if feedback.delayed:  # L does not tend to a circle
+    if feedback.denominator.delay:  # L does not tend to a circle
         return np.full(delay.shape, np.nan)
     limit = feedback.numerator.q[0] * num[0] / (feedback.denominator.q[0] * den[0])
     at_infinity = np.abs(1 - np.abs(limit)) if loops.late else np.abs(1 + limit)

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field, replace
-from math import isfinite
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -12,7 +11,6 @@ from numpy.typing import NDArray
 from scipy.stats import binomtest
 
 from ..loop import NRDOB
-from ..numerics import IntArray, is_real
 from .batch import Feedback
 from .distributions import Grid
 from .plantfamily import PlantFamily, judged
@@ -86,7 +84,7 @@ def sweep(loop: NRDOB, family: PlantFamily, quantities: Iterable[str] = QUANTITI
         raise ValueError(f"there is no {unknown[0]!r} to ask; choose from {', '.join(QUANTITIES)}")
     blocks = [_judge_block(loop, family, "ms" in asked, block) for block in range(family.blocks)]
     joined = {name: np.concatenate([block[name] for block in blocks]) for name in blocks[0]}
-    return SweepTable(family, joined, np.arange(len(family)))
+    return SweepTable(family, joined)
 
 
 def _judge_block(loop: NRDOB, family: PlantFamily, peaks: bool, block: int) -> Columns:
@@ -155,13 +153,10 @@ class SweepTable:
         Whose members these are.
     columns : dict of str: (N,) array
         The columns.
-    rows : (N,) array of int
-        Numbers of the members in the family.
     """
 
     family: PlantFamily
-    columns: Mapping[str, NDArray[Any]] = field(repr=False)
-    rows: IntArray = field(repr=False)
+    columns: Mapping[str, NDArray[Any]]
 
     def __getitem__(self, name: str) -> NDArray[Any]:
         if name not in self.columns:
@@ -169,7 +164,7 @@ class SweepTable:
         return self.columns[name]
 
     def __len__(self) -> int:
-        return int(self.rows.size)
+        return int(self["stable"].size)
 
     def __repr__(self) -> str:
         stable, decided = self["stable"], self["decided"]
@@ -205,10 +200,6 @@ class SweepTable:
         TypeError, ValueError
             If `confidence` is no number between 0 and 1, or the table is empty.
         """
-        if not is_real(confidence):
-            raise TypeError(f"confidence is {confidence!r}; give a number, such as 0.95")
-        if not (isfinite(confidence) and 0 < confidence < 1):
-            raise ValueError(f"confidence is {confidence}; give a number between 0 and 1")
         n = len(self)
         if not n:
             raise ValueError("the table is empty: there is no share of nothing")
@@ -230,11 +221,10 @@ class SweepTable:
         Returns
         -------
         SweepTable
-            A shorter table; ``.rows`` are their numbers in the family.
+            A shorter table.
         """
         chosen = np.lexsort((-self["ms"], self["stable"]))[:count]
-        columns = {name: values[chosen] for name, values in self.columns.items()}
-        return SweepTable(self.family, columns, self.rows[chosen])
+        return replace(self, columns={name: v[chosen] for name, v in self.columns.items()})
 
     def plot_map(
         self,

@@ -35,7 +35,7 @@ def campaign(count: int, seed: int) -> Counter[str]:
 
 def _set(rng: np.random.Generator, label: str) -> str:
     kind, process, model = plant_and_model(rng)
-    order = Mismatch.of(process, model).order + int(rng.integers(0, 3))
+    order = Mismatch.of(process, model).family.order + int(rng.integers(0, 3))
     try:
         intervals = nrdob.stabilizing_time_constants(process, model, order)
     except ArithmeticError:

@@ -79,7 +79,7 @@ def test_lags_read_as_a_family_are_sampled_to_the_windows_that_their_order_exclu
     rng = np.random.default_rng(5)
     for _ in range(4):
         _, process, model = plant_and_model(rng)
-        order = Mismatch.of(process, model).order
+        order = Mismatch.of(process, model).family.order
         rows = filter_family("binomial", order)
         family = filter_family("own", num=rows.num.tolist(), den=rows.den.tolist())
         limit = {"max_ms": float(rng.uniform(1.2, 3.0))}
@@ -114,7 +114,7 @@ def test_a_family_of_lags_with_dead_time_has_the_windows_of_its_order(max_ms):
     for _ in range(5):
         _, process, model = plant_and_model(rng)
         process = nrdob.delay(10 ** rng.uniform(-2, 0.5)) * getattr(process, "tf", process)
-        order = Mismatch.of(process, model).order
+        order = Mismatch.of(process, model).family.order
         one = admissible_time_constants(process, model, order, max_ms=max_ms)
         other = admissible_time_constants(
             process, model, filter_family("binomial", order), max_ms=max_ms
