@@ -17,8 +17,7 @@ from scipy.optimize import linear_sum_assignment
 
 from ..numerics import BoolArray, ComplexArray, FloatArray, IntArray, bisect, side
 from .columns import positive_roots, root_near, roots_of_columns, values_and_slopes
-from .familytables import summed, taylor, wide
-from .mismatch import Mismatch
+from .mismatch import Mismatch, summed, taylor, wide
 
 __all__ = ["Branches", "CriticalTimeConstant", "crossings"]
 

@@ -21,8 +21,7 @@ from ..numerics import (
     shared_factor,
     written,
 )
-from .familytables import multiplied
-from .mismatch import Mismatch
+from .mismatch import Mismatch, multiplied
 
 __all__ = [
     "INTEGRATOR",

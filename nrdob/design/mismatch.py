@@ -17,6 +17,7 @@ pole but integrators cancels, and m of Taylor's terms of :math:`e^{-\theta_m s}`
 from __future__ import annotations
 
 from dataclasses import dataclass
+from fractions import Fraction
 from functools import cached_property, reduce
 from math import factorial, log10
 from typing import Any
@@ -25,32 +26,29 @@ import numpy as np
 
 from ..diagram import FilterFamily, ObserverEquations, as_family, as_fraction, undelayed
 from ..numerics import (
+    ROUNDING,
     BoolArray,
     ComplexArray,
     FloatArray,
     QuasiPolynomial,
     Term,
     add,
+    count_rhp,
     exponential_rest,
     padded_sum,
+    shared_factor,
     values_on_axis,
 )
 from .columns import size_squared
-from .familytables import (
-    by_powers,
-    common_ramp,
-    exactly_on_axis,
-    multiplied,
-    rows,
-    stable_member,
-    taylor,
-    wide,
-    without_shared,
-)
 
-__all__ = ["Mismatch"]
+__all__ = ["Mismatch", "multiplied", "summed", "taylor", "wide"]
 
 ERROR = 64 * float(np.finfo(float).eps)  # rounding error of a value, against its terms' sizes
+
+GENERIC = (0.71, 1.93, 0.31)  # λ, against the typical one, at all of which a factor is shared
+
+OWN, TRIED = "own", (1.0, 0.1, 10.0, 1e-2, 1e2, 1e-3, 1e3)
+"""The only kind whose filters may be unstable, and the λ of which one should not be."""
 
 Factors = tuple[FloatArray, FloatArray, FloatArray, FloatArray]
 
@@ -83,22 +81,22 @@ class Mismatch:
         if filters is None:
             filters = max(1, as_fraction(undelayed(model)[0], "model").relative_degree)
         family = as_family(filters)
-        return cls.in_loop(ObserverEquations(process, model, stable_member(family)), family)
+        return cls.in_loop(ObserverEquations(process, model, _stable_member(family)), family)
 
     @classmethod
     def in_loop(cls, loop: ObserverEquations, family: FilterFamily) -> Mismatch:
         """Take process and model of a loop, and a family in place of its filter."""
         G, Gm, wait = loop.fractions.G, loop.fractions.Gm, loop.model_delay
-        held = min(QuasiPolynomial(Gm.den).zeros_at_origin, common_ramp(family, wait))
+        held = min(QuasiPolynomial(Gm.den).zeros_at_origin, _common_ramp(family, wait))
         both = min(held, QuasiPolynomial(G.den).zeros_at_origin)
         D, Dm = (p[: p.size - both] for p in (G.den, Gm.den))
-        Nf, Nm = without_shared(family.num, Gm.num)
+        Nf, Nm = _without_shared(family.num, Gm.num)
         E = family.den
         if not wait:
             integrators = np.zeros(held - both)
-            E, rest = without_shared(family.difference, Dm[: Dm.size - integrators.size])
+            E, rest = _without_shared(family.difference, Dm[: Dm.size - integrators.size])
             Dm = np.concatenate([rest, integrators])
-        E, Nf = by_powers(E, Nf)
+        E, Nf = _by_powers(E, Nf)
         return cls(
             factors=(G.num, D, Nm, Dm), zeros=Gm.num, delay=loop.delay, wait=wait, family=family,
             E=E, Nf=Nf, divided=held - both,
@@ -156,7 +154,7 @@ class Mismatch:
 
     def _values(self, omega: FloatArray, exact: bool = False) -> list[ComplexArray]:
         if exact:
-            return [exactly_on_axis(p, omega) for p in self.factors]
+            return [_exactly_on_axis(p, omega) for p in self.factors]
         return [values_on_axis(p, omega) for p in self.factors]
 
     def _sizes(self, omega: FloatArray) -> list[FloatArray]:
@@ -221,7 +219,7 @@ class Mismatch:
         if self.wait:
             off_zeros = sizes[1] * zeros + D * np.polyval(np.abs(self.zeros), omega)
             off_b = off_b + np.abs(self._lag(1j * omega)) * off_zeros
-        E, Nf = (rows(np.abs(table), omega) for table in (self._ahead, self.Nf))
+        E, Nf = (_rows(np.abs(table), omega) for table in (self._ahead, self.Nf))
         return np.asarray(ERROR * (off_a * E + off_b * Nf))
 
     def terms(
@@ -278,7 +276,7 @@ class Mismatch:
 
     def _tables(self, omega: FloatArray) -> tuple[ComplexArray, ComplexArray]:
         s = 1j * np.asarray(omega)
-        return rows(self._ahead, s), rows(self.Nf, s)
+        return _rows(self._ahead, s), _rows(self.Nf, s)
 
     # At the ends of the axis.
 
@@ -312,3 +310,123 @@ class Mismatch:
             table[:, 0] * p[0] * (degree == max(degrees))
             for table, (_, p, _), degree in zip(tables, parts, degrees, strict=True)
         ]
+
+
+# Tables of a family: a row for each power of s, descending, or of λ in `Mismatch`.
+
+
+def _stable_member(family: FilterFamily) -> Any:
+    """Give one filter of the family that is stable, if there is one, as all should be."""
+    for time_constant in TRIED:
+        filter = family.at(time_constant)
+        if family.kind != OWN or count_rhp(QuasiPolynomial(filter.den[0][0])).count == 0:
+            break
+    return filter
+
+
+def _common_ramp(family: FilterFamily, wait: float) -> int:
+    """Count the zeros at s = 0 that Df - Nf exp(-θm s) has for every λ."""
+    if not wait:
+        return family.ramp
+    num, den = family.num, family.den
+    count = int(den.shape[0])
+    columns = max(num.shape[1], den.shape[1])
+    ahead, behind = (
+        np.pad(table[::-1], ((0, count - table.shape[0]), (columns - table.shape[1], 0)))
+        for table in (den, num)
+    )
+    lag = taylor(wait, count)
+    for k in range(count):
+        late = lag[k::-1] @ behind[: k + 1]
+        sizes = np.abs(ahead[k]) + np.abs(lag[k::-1]) @ np.abs(behind[: k + 1])
+        if np.any(np.abs(ahead[k] - late) > ROUNDING * sizes):
+            return k
+    return count
+
+
+def taylor(delay: float, count: int) -> FloatArray:
+    """First coefficients of the series of exp(-θs), ascending."""
+    return np.array([(-delay) ** k / factorial(k) for k in range(count)])
+
+
+def _without_shared(table: FloatArray, block: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Divide a family's polynomial and one of the model by what they share for every λ but s."""
+    model = QuasiPolynomial(block).without_origin
+    held = block.size - model.q.size
+    if model.q.size == 1 or np.array_equal(table, np.diag(np.diagonal(table))):
+        return table, block
+    typical = 1 / float(np.median(np.abs(model.roots)))
+    common = model
+    for share in GENERIC:
+        one = QuasiPolynomial(_trimmed(np.polyval(table.T, share * typical)))
+        if not (common.degree and one.degree):
+            return table, block
+        common = shared_factor(common, one).common
+    if not common.degree:
+        return table, block
+    divided = [_divided(column, common.q) for column in table.T]
+    longest = max(column.size for column in divided)
+    columns = [np.pad(column, (longest - column.size, 0)) for column in divided]
+    return np.array(columns).T, np.append(_divided(model.q, common.q), np.zeros(held))
+
+
+def _divided(p: FloatArray, divisor: FloatArray) -> FloatArray:
+    """Divide a polynomial by a factor of it; roots at s = 0 stay exact."""
+    if not p.any():
+        return np.zeros(1)
+    zeros = QuasiPolynomial(p).zeros_at_origin
+    return np.append(np.polydiv(p[: p.size - zeros], divisor)[0], np.zeros(zeros))
+
+
+def _by_powers(*tables: FloatArray) -> list[FloatArray]:
+    """Turn tables to ascending powers of λ in rows, as many in all as are used."""
+    columns = max(table.shape[1] for table in tables)
+    wide = [np.pad(table, ((0, 0), (columns - table.shape[1], 0))).T[::-1] for table in tables]
+    used = np.flatnonzero(np.any([table.any(axis=1) for table in wide], axis=0))
+    return [table[used[0] : used[-1] + 1] for table in wide]
+
+
+def wide(table: FloatArray) -> FloatArray:
+    """Leave out the powers of s that no λ needs."""
+    used = np.flatnonzero(table.any(axis=0))
+    return table[:, used[0] :] if used.size else table[:, -1:]
+
+
+def _rows(table: FloatArray, s: Any) -> Any:
+    """Value of each row's polynomial, descending coefficients, at the same points."""
+    return np.polynomial.polynomial.polyval(s, table.T[::-1])
+
+
+def _exactly_on_axis(p: FloatArray, omega: FloatArray) -> ComplexArray:
+    """Values of a polynomial at jω, rounded but once: beside a root Horner's scheme loses them."""
+    found = []
+    for w in map(Fraction, omega.tolist()):
+        real, imag = Fraction(0), Fraction(0)
+        for c in p.tolist():
+            real, imag = Fraction(c) - imag * w, real * w
+        found.append(complex(real, imag))
+    return np.array(found)
+
+
+def summed(tables: list[FloatArray]) -> FloatArray:
+    """Add tables; what is only rounding is 0."""
+    total, size = sum(tables), sum(map(np.abs, tables))
+    return np.where(np.abs(total) <= ROUNDING * size, 0.0, total)
+
+
+def _trimmed(p: FloatArray) -> FloatArray:
+    used = np.flatnonzero(p)
+    return p[used[0] :] if used.size else p[-1:]
+
+
+def multiplied(of_process: FloatArray, of_model: FloatArray) -> FloatArray:
+    """Multiply a polynomial of the process by one of the model, within the range of floats."""
+    with np.errstate(over="ignore", under="ignore"):
+        product = np.convolve(of_process, of_model)
+    if not (np.isfinite(product).all() and product[0]):
+        raise ValueError(
+            "the coefficients of process and model are so large or so small that their product "
+            "leaves the range of floating-point numbers: divide numerator and denominator of each "
+            "block by its leading coefficient, or change the units"
+        )
+    return product
