@@ -9,9 +9,8 @@ and the filter another time constant λ. Then
 where E is what is left of :math:`D_f - N_f`, or of :math:`D_f - N_f e^{-\theta_m s}`, whose dead
 time is then one of A. A root is on the axis where W = -(1 + jτω) A/B equals
 :math:`k e^{-j\omega\theta}`. Of any two parameters ω gives the values: :math:`|W| = k` and
-:math:`\theta = (2\pi m - \arg W)/\omega`, or k where :math:`W e^{j\omega\theta}` is real, and so
-on; with λ, all of them on a curve in the plane of ω and λ. A real root crosses at ω = 0 or at
-infinity.
+:math:`\theta = (2\pi m - \arg W)/\omega`, and so on; with λ, all of them on a curve in the plane
+of ω and λ. A real root crosses at ω = 0 or at infinity.
 """
 
 from __future__ import annotations

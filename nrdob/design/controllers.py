@@ -66,9 +66,9 @@ def design_controller(
     :math:`k(1 + 1/(T_is))`, does so exactly; above that a PID with filter, up to 44° ahead; below
     -90° an integrator, with a larger margin than asked for. What comes out is verified.
 
-    A phase margin does not see everything: near a resonance the loop can come close to -1 without
-    a crossover. `max_ms` limits the peak of the sensitivity as well. The dead time of a delayed
-    model stays outside of the loop that C closes, as in a Smith predictor.
+    Near a resonance the loop can come close to -1 without a crossover: `max_ms` limits the peak of
+    the sensitivity as well. The dead time of a delayed model stays outside of the loop that C
+    closes, as in a Smith predictor.
 
     Parameters
     ----------

@@ -68,9 +68,8 @@ def right_half_plane_parity(process: Any, model: Any) -> Answer:
 
     A real root enters the right half plane through s = 0 or infinity. But p_B(0) = N(0)Dm(0), and
     the leading coefficient of p_B is that of D·Nm·Df, if F·H is strictly proper: neither depends on
-    F. So the number of right-half-plane roots is even for every F or odd
-    for every F: even if and only if G(0)/G̃(0) has the sign :math:`(-1)^{P}`, where P counts the
-    right-half-plane poles of the process and zeros of the model.
+    F. So the number of right-half-plane roots is even, or odd, for every F: even if and only if
+    G(0)/G̃(0) has the sign :math:`(-1)^{P}`, with P poles of process and zeros of model there.
 
     Parameters
     ----------
@@ -115,10 +114,9 @@ def stabilizing_filter_exists(process: Any, model: Any) -> Answer:
 
     The blocks F/G̃ and (1 - F)G̃ are each built as one. Let :math:`\bar D` hold the model's poles
     p, Re p ≥ 0, that the process has, too, each as often as the model has it, and :math:`\bar N`
-    such zeros. They must cancel inside the blocks: else p_B over what cancels is zero there,
-    whatever F is. With what is left, :math:`1 - F = \bar D E/D_f`, :math:`F = \bar N N_f'/D_f`,
-    :math:`D_m = \bar D D_m'` and :math:`N_m = \bar N N_m'`, two polynomials must have all roots in
-    the left half plane,
+    such zeros. They must cancel inside the blocks. With :math:`1 - F = \bar D E/D_f`,
+    :math:`F = \bar N N_f'/D_f`, :math:`D_m = \bar D D_m'` and :math:`N_m = \bar N N_m'`, two
+    polynomials must have all roots in the left half plane,
 
     .. math:: \bar D\,E + \bar N\,N_f' = D_f \quad\text{and}\quad
               D N_m'\,E + N D_m'\,N_f' = p :
@@ -127,13 +125,11 @@ def stabilizing_filter_exists(process: Any, model: Any) -> Answer:
     is strong stabilisation of their difference (Vidyasagar and Viswanadham). At the zeros of b - a,
     a = D·Nm and b = N·Dm, :math:`p = \kappa D_f` with :math:`\kappa = D N_m'/\bar D =
     N D_m'/\bar N` wherever the one or the other is finite. So by the parity interlacing property
-    an F exists if and only if p/Df can keep one sign on the positive real
-    axis: if κ has one sign at s = 0, where F = 1; at each real zero s > 0 of b - a, the common
-    poles and zeros among them; and at infinity, where p/Df has the sign of a, if F·H rolls off. It
-    must, unless the process is biproper and the model is not: then F need not fall faster than H
-    grows, the leading coefficient of p has either sign, and infinity forbids nothing. At s = 0
-    nothing is forbidden if the model integrates and the process does not. With a = b all of this is
-    true: p = κ Df, and all roots of κ are in the left half plane.
+    an F exists if and only if p/Df can keep one sign on the positive real axis: if κ has one sign
+    at s = 0, where F = 1; at each real zero s > 0 of b - a, the common poles and zeros among them;
+    and at infinity, where p/Df has the sign of a, if F·H rolls off. It must, unless the process is
+    biproper and the model is not: then infinity forbids nothing. At s = 0 nothing is forbidden if
+    the model integrates and the process does not.
 
     Parameters
     ----------

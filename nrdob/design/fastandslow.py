@@ -9,7 +9,7 @@ from math import cos, inf, pi
 from typing import Any
 
 from ..diagram import LowPassFilter
-from ..numerics import ROUNDING, ComplexArray, FloatArray, QuasiPolynomial, written
+from ..numerics import ROUNDING, ComplexArray, QuasiPolynomial, written
 from .existence import INTEGRATOR, ROOT_AT_ORIGIN, Answer, roots_by_side
 from .mismatch import Mismatch
 
@@ -210,7 +210,8 @@ def _fast_roots(mismatch: Mismatch) -> Answer:
             "is real and positive",
         )
     if m == -1:
-        sums = float(_sum_of_roots(mismatch.a) - _sum_of_roots(mismatch.b))
+        of_poles, of_zeros = (-p[1] / p[0] if p.size > 1 else 0.0 for p in (mismatch.a, mismatch.b))
+        sums = float(of_poles - of_zeros)
         real = (n - 1) * c / (4 * n) + sums / 2
         verdict = None if abs(real) <= ROUNDING * (c + abs(sums)) else real < 0
         return Answer(
@@ -229,7 +230,3 @@ def _fast_roots(mismatch: Mismatch) -> Answer:
         f"the model has relative degree {m} more than the process, and the filter's order is "
         f"{n - m} more than that; a difference of two is the most that works",
     )
-
-
-def _sum_of_roots(p: FloatArray) -> float:
-    return float(-p[1] / p[0]) if p.size > 1 else 0.0

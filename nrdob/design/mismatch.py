@@ -358,7 +358,7 @@ def _without_shared(table: FloatArray, block: FloatArray) -> tuple[FloatArray, F
     typical = 1 / float(np.median(np.abs(model.roots)))
     common = model
     for share in GENERIC:
-        one = QuasiPolynomial(_trimmed(np.polyval(table.T, share * typical)))
+        one = QuasiPolynomial(np.polyval(table.T, share * typical))
         if not (common.degree and one.degree):
             return table, block
         common = shared_factor(common, one).common
@@ -412,11 +412,6 @@ def summed(tables: list[FloatArray]) -> FloatArray:
     """Add tables; what is only rounding is 0."""
     total, size = sum(tables), sum(map(np.abs, tables))
     return np.where(np.abs(total) <= ROUNDING * size, 0.0, total)
-
-
-def _trimmed(p: FloatArray) -> FloatArray:
-    used = np.flatnonzero(p)
-    return p[used[0] :] if used.size else p[-1:]
 
 
 def multiplied(of_process: FloatArray, of_model: FloatArray) -> FloatArray:

@@ -115,16 +115,12 @@ class PlantLoops:
     def _distance_and_size(
         self, time_constants: FloatArray, omega: FloatArray
     ) -> tuple[FloatArray, FloatArray]:
-        """``|1 + L|`` and ``|L|``."""
-        L = self._gain(time_constants, omega)
-        return np.abs(1 + L), np.abs(L)
-
-    def _gain(self, time_constants: FloatArray, omega: FloatArray) -> ComplexArray:
-        """L at points (ω, λ); infinite at a pole."""
+        """``|1 + L|`` and ``|L|`` at points (ω, λ); infinite at a pole of L."""
         with np.errstate(all="ignore"):  # far beyond all speeds powers overflow, and L is 0
             ahead, behind, waits = self.mismatch.terms(omega, time_constants)
             L = behind / (ahead + waits if self.mismatch.wait else ahead)
-        return np.where(np.isfinite(L), L, inf + 0j)
+        L = np.where(np.isfinite(L), L, inf + 0j)
+        return np.abs(1 + L), np.abs(L)
 
     def at_infinity(self, time_constants: FloatArray) -> FloatArray:
         """Limit of ``|1 + L|`` at infinite frequency, with dead time at its worst."""
@@ -152,10 +148,9 @@ class PlantLoops:
         for root in axis[axis.imag > 0].tolist():
             with np.errstate(all="ignore"):
                 residue = self._residue(time_constants, root)
-            size = np.abs(residue)
-            narrow = (size > 0) & (size <= NARROW * abs(root))
-            with np.errstate(divide="ignore", invalid="ignore"):
+                size = np.abs(residue)
                 along = np.abs(residue.real) / size
+            narrow = (size > 0) & (size <= NARROW * abs(root))
             distances = np.where(narrow, np.minimum(distances, along), distances)
         return distances
 
@@ -190,7 +185,7 @@ def _lower(
 ) -> None:
     """Lower the smallest value of each loop to that between each `low` and `high`.
 
-    Around the lowest of some values ever more closely, until these lie on a parabola: it, and a
+    Ever more closely around the lowest of some values, until they lie on a parabola: this, and a
     kink, is below the middle one by at most half of what the others rise from it.
     """
     share = np.linspace(0, 1, ACROSS)

@@ -4,10 +4,9 @@ With a plant :math:`k\,G\,e^{-\tau s}/(Ts+1)` in place of G the loop has a root 
 
 .. math:: k\,L(j\omega)\,e^{-j\omega\tau} = -(1 + j\omega T) .
 
-Only L of the nominal plant is needed. At one frequency k and T follow each other, k growing from
-:math:`1/|L|` with T, and :math:`\tau` follows both up to whole turns, falling with T; so that it
-can be told in closed form whether a box holds such a plant. The share of a box at which it first
-does, least over all frequencies, is the stable share of it.
+At one frequency k and T follow each other, k growing from :math:`1/|L|` with T, and :math:`\tau`
+follows both up to whole turns, falling with T; so that it can be told in closed form whether a box
+holds such a plant. The share at which it first does, over all frequencies, is the stable share.
 """
 
 from __future__ import annotations
@@ -25,11 +24,11 @@ from ..analysis import Locus, resolved_frequencies
 from ..diagram import DelayedTransferFunction, Quotient, as_fraction, real_number, undelayed
 from ..loop import NRDOB
 from ..numerics import BoolArray, ComplexArray, FloatArray, QuasiPolynomial, bisect, golden, side
-from .distributions import Interval, read_range
+from .plantfamily import Interval, read_range
 
 __all__ = ["Box", "delay_intervals", "gain_intervals", "largest_box"]
 
-NOMINAL = {"gain": 1.0, "delay": 0.0, "lag": 0.0}  # where the nominal plant is
+NOMINAL = {"gain": 1.0, "delay": 0.0, "lag": 0.0}
 MOST = 200_000  # frequencies at most that a dead time asks for
 FAR = 10.0  # how far beyond all poles and zeros L is only a power of s and a dead time
 HALVINGS = 60  # how often shares are halved
@@ -45,17 +44,14 @@ class Box(NamedTuple):
     ----------
     share : float
         What part of the way from the nominal plant to every side; 1 if all of it is stable.
-    sides : dict of str: (float, float)
-        The box of that share.
     critical : dict of str: float or None
-        Gain, dead time and lag of a plant on its sides that is at the limit of stability; None if
-        the whole box is stable.
+        Gain, dead time and lag of a plant on the sides of the box of that share that is at the
+        limit of stability; None if the whole box is stable.
     frequency : float
         Where that plant oscillates, rad/s; nan if there is none.
     """
 
     share: float
-    sides: dict[str, tuple[float, float]]
     critical: dict[str, float] | None
     frequency: float
 
@@ -312,12 +308,11 @@ def _in_one(loop: NRDOB, name: str, asked: dict[str, Interval]) -> Box:
     critical, omega = CRITICAL[name](loop, asked[name])
     inside = (critical >= low) & (critical <= high)
     if not inside.any():
-        return Box(1.0, _sides(asked, 1.0), None, nan)
+        return Box(1.0, None, nan)
     critical, omega = critical[inside], omega[inside]
     shares = (critical - nominal) / (np.where(critical > nominal, high, low) - nominal)
     k = int(shares.argmin())
-    share, plant = float(shares[k]), NOMINAL | {name: float(critical[k])}
-    return Box(share, _sides(asked, share), plant, float(omega[k]))
+    return Box(float(shares[k]), NOMINAL | {name: float(critical[k])}, float(omega[k]))
 
 
 CRITICAL = {"gain": _critical_gains, "delay": _critical_delays, "lag": _critical_lags}
@@ -368,10 +363,9 @@ def _largest(loop: NRDOB, asked: dict[str, Interval]) -> Box:
         beside = at_zero + 2 * MET / dc / (asked["gain"].high - 1)
         least, frequency = (at_zero, 0.0) if beside <= least else (least, frequency)
     if least >= 1:
-        return Box(1.0, _sides(asked, 1.0), None, nan)
-    sides = _sides(asked, least)
+        return Box(1.0, None, nan)
     L = np.asarray(loop.L(1j * max(frequency, 1e-300)))
-    return Box(least, sides, _critical_plant(L, frequency, sides), frequency)
+    return Box(least, _critical_plant(L, frequency, asked, least), frequency)
 
 
 def _where_corners_meet(loop: NRDOB, omega: FloatArray, asked: dict[str, Interval]) -> FloatArray:
@@ -442,17 +436,11 @@ def _scaled(side: Interval, name: str, share: Any) -> tuple[Any, Any]:
     return nominal + share * (side.low - nominal), nominal + share * (side.high - nominal)
 
 
-def _sides(asked: dict[str, Interval], share: float) -> dict[str, tuple[float, float]]:
-    return {
-        name: _scaled(each, name, share) for name, each in asked.items() if each.low < each.high
-    }
-
-
 def _critical_plant(
-    L: ComplexArray, omega: float, sides: dict[str, tuple[float, float]]
+    L: ComplexArray, omega: float, asked: dict[str, Interval], share: float
 ) -> dict[str, float]:
-    """Return the plant of a box that oscillates at a frequency, of the smallest lag."""
-    (k1, k2), (t1, t2), (T1, T2) = (sides.get(name, (at, at)) for name, at in NOMINAL.items())
+    """Return the plant of a share that oscillates at a frequency, of the smallest lag."""
+    (k1, k2), (t1, t2), (T1, T2) = (_scaled(asked[name], name, share) for name in NOMINAL)
     if not omega:
         return {"gain": k2, "delay": 0.0, "lag": 0.0}
     size, turn = float(np.abs(L)), 2 * pi / omega

@@ -3,27 +3,170 @@ r"""What a plant may be: a family of members around the one that was expected.
 A member is :math:`k\,G(s)\,e^{-\theta s}/(Ts+1)`: the nominal process G times a gain k, with one
 more lag T and an additional dead time θ; or whatever a function of the user's makes of drawn
 parameters in place of G. What is drawn stands in columns that are read by name.
+
+Samples come in blocks of `BLOCK`, each with its own stream of random numbers, spawned from one
+seed. A block is always drawn whole: member 17 is the same one in a family of a hundred and of a
+million, and whoever draws it.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from math import ceil
-from typing import Any
+from math import ceil, isfinite
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from ..analysis import judge_observer, quotient_margins
 from ..diagram import ObserverEquations, as_fraction, nonzero, undelayed
-from ..numerics import BoolArray, FloatArray, convolved
-from .batch import SLAB, Feedback, PlantBatch
-from .batchpeaks import batch_peaks
-from .distributions import BLOCK, Grid, Samples, read_fit, read_range, whole_number
+from ..numerics import BoolArray, FloatArray, convolved, is_real, is_whole
+from .batch import SLAB, Feedback, PlantBatch, batch_peaks
 
-__all__ = ["PlantFamily", "judged", "plant_family"]
+__all__ = [
+    "Grid",
+    "Interval",
+    "PlantFamily",
+    "judged",
+    "plant_family",
+    "read_range",
+    "whole_number",
+]
 
+BLOCK = 10_000  # members drawn together, which are also judged together, as one task
 BUILT_IN = ("gain", "delay", "lag")
+
+
+class Interval(NamedTuple):
+    """An interval of which every value is as likely."""
+
+    low: float
+    high: float
+
+
+class Fit(NamedTuple):
+    """Means (k,) of parameters and a square root (k, k) of their covariance, as identified."""
+
+    names: tuple[str, ...]
+    mean: FloatArray
+    root: FloatArray
+
+
+@dataclass(frozen=True, eq=False)
+class Samples:
+    """Random members: what is drawn by itself, what together, how many times, from which seed."""
+
+    ranges: Mapping[str, Interval]
+    fit: Fit | None
+    count: int
+    seed: int
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """What is drawn, in the order of the columns."""
+        return (*self.ranges, *(self.fit.names if self.fit else ()))
+
+    def block(self, k: int) -> dict[str, FloatArray]:
+        """Draw block k of the members, k from 0."""
+        rng = np.random.default_rng(np.random.SeedSequence(self.seed, spawn_key=(k,)))
+        drawn = {name: rng.uniform(*each, BLOCK) for name, each in self.ranges.items()}
+        if self.fit:
+            numbers = rng.standard_normal((BLOCK, len(self.fit.names)))
+            together = self.fit.mean[:, None] + np.einsum("ij,kj->ik", self.fit.root, numbers)
+            drawn |= zip(self.fit.names, together, strict=True)
+        here = min(BLOCK, self.count - k * BLOCK)
+        return {name: values[:here] for name, values in drawn.items()}
+
+
+@dataclass(frozen=True, eq=False)
+class Grid:
+    """Members on a grid of values of each parameter, the last one changing fastest."""
+
+    ranges: Mapping[str, Interval]
+    points: int
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The parameters, in the order of the columns."""
+        return tuple(self.ranges)
+
+    @property
+    def count(self) -> int:
+        """How many members there are."""
+        return int(self.points ** len(self.ranges))
+
+    def block(self, k: int) -> dict[str, FloatArray]:
+        """Return block k of the members."""
+        here = np.arange(k * BLOCK, min((k + 1) * BLOCK, self.count))
+        where = np.unravel_index(here, [self.points] * len(self.ranges))
+        return {
+            name: np.linspace(*each, self.points)[i]
+            for (name, each), i in zip(self.ranges.items(), where, strict=True)
+        }
+
+
+def read_range(name: str, given: Any) -> Interval:
+    """Read an interval (low, high)."""
+    remedy = "give an interval, such as (0.5, 2.0)"
+    if not isinstance(given, Sequence | np.ndarray) or isinstance(given, str) or len(given) != 2:
+        raise TypeError(f"{name} is {given!r}; {remedy}")
+    if not all(map(is_real, given)):
+        raise TypeError(f"{name} is {given!r}, whose ends are no real numbers; {remedy}")
+    low, high = map(float, given)
+    if not (isfinite(low) and isfinite(high)):
+        raise ValueError(f"{name} is ({low:g}, {high:g}); both ends must be finite numbers")
+    if low > high:
+        raise ValueError(
+            f"{name} is ({low:g}, {high:g}), from high to low; write ({high:g}, {low:g})"
+        )
+    if low == high:
+        raise ValueError(
+            f"{name} is ({low:g}, {high:g}), in which nothing is uncertain; leave it out, and "
+            "give the process that value"
+        )
+    return Interval(low, high)
+
+
+def read_fit(given: Any) -> Fit:
+    """Read means by name, numbers or what has them as `value`, and their covariance (k, k)."""
+    if not (isinstance(given, tuple) and len(given) == 2 and isinstance(given[0], Mapping)):
+        raise TypeError(
+            f"fit is a {type(given).__name__}; give means by name and their covariance in the "
+            "same order, fit=({'gain': 1.0, 'lag': 0.1}, [[0.01, 0.0], [0.0, 0.0001]])"
+        )
+    means, covariance = given
+    values = [getattr(value, "value", value) for value in means.values()]
+    if not all(map(is_real, values)):
+        raise TypeError(f"fit has the means {means!r}; give real numbers by name")
+    mean = np.array(values, dtype=float)
+    matrix = np.array(covariance, dtype=float)
+    k = mean.size
+    if matrix.shape != (k, k):
+        raise ValueError(
+            f"fit has {k} means and a covariance of shape {matrix.shape}; it must be ({k}, {k})"
+        )
+    if not (np.isfinite(mean).all() and np.isfinite(matrix).all()):
+        raise ValueError("fit has means or covariances that are no finite numbers")
+    powers, directions = np.linalg.eigh((matrix + matrix.T) / 2)
+    size = np.abs(matrix).max()
+    if np.abs(matrix - matrix.T).max() > 1e-8 * size or powers.min() < -1e-8 * size:
+        raise ValueError(
+            "the covariance in fit is not symmetric, or has a negative variance in some "
+            f"direction ({powers.min():.3g}); give the covariance matrix of the estimates"
+        )
+    return Fit(tuple(means), mean, directions * np.sqrt(np.maximum(powers, 0.0)))
+
+
+def whole_number(value: Any, name: str, least: int) -> int:
+    """Return a whole number, or refuse what is none or below the least."""
+    if not is_whole(value):
+        raise TypeError(f"{name} is {value!r}; give a whole number")
+    if value < least:
+        raise ValueError(f"{name} is {value}; give {least} or more")
+    return int(value)
+
+
+# The family.
 
 
 @dataclass(frozen=True, eq=False)
@@ -126,11 +269,6 @@ class PlantFamily:
             every.append(ms)
         return np.concatenate(every)
 
-    @property
-    def delay(self) -> float:
-        """Dead time of the nominal plant, in seconds."""
-        return undelayed(self.process)[1]
-
     def _made(
         self, drawn: Mapping[str, FloatArray], n: int, problems: dict[int, str]
     ) -> PlantBatch:
@@ -180,8 +318,8 @@ def plant_family(
         `fit` name, as keyword arguments. Gain, delay and lag come on top.
     fit : (dict of str: float, (k, k) array_like)
         Means by name, and the covariance in the same order, of parameters that were identified
-        together; they are drawn from the normal distribution. A gain named here is a factor of the
-        process, as `gain` is; for parameters of other meaning give the function `parameters`.
+        together; they are drawn from the normal distribution. Without `parameters` their names are
+        gain, delay or lag.
     grid : int
         Points on every interval: all their combinations in place of samples.
     samples, seed : int
@@ -226,8 +364,7 @@ def plant_family(
         strange = [name for name in known.names if name not in BUILT_IN and not parameters]
         if strange:
             raise ValueError(
-                f"fit names {', '.join(strange)}, which only a function parameters=… can use; "
-                f"without it name some of {', '.join(BUILT_IN)}"
+                f"fit names {', '.join(strange)}, which only a function parameters=… can use"
             )
     if not ranges and not known:
         raise ValueError("nothing is uncertain; give a range, such as gain=(0.5, 2.0)")
@@ -238,8 +375,7 @@ def plant_family(
     elif known:
         raise ValueError("a fit has no grid; leave grid or fit out")
     else:
-        points = whole_number(grid, "grid", 2)
-        drawn = Grid({name: np.linspace(*each, points) for name, each in ranges.items()})
+        drawn = Grid(ranges, whole_number(grid, "grid", 2))
     return PlantFamily(process, drawn, parameters)
 
 

@@ -25,8 +25,8 @@ from ..diagram import Quotient, as_fraction
 from ..loop import NRDOB
 from ..numerics import FloatArray, QuasiPolynomial, golden
 from .boxes import largest_box
-from .distributions import whole_number
 from .intervalplants import largest_share
+from .plantfamily import whole_number
 
 __all__ = ["Conservatism", "SmallGain", "conservatism", "fit_weight", "small_gain"]
 

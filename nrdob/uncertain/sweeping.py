@@ -10,10 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import binomtest
 
+from ..diagram import undelayed
 from ..loop import NRDOB
 from .batch import Feedback
-from .distributions import Grid
-from .plantfamily import PlantFamily, judged
+from .plantfamily import Grid, PlantFamily, judged
 
 if TYPE_CHECKING:
     from ..design import StabilityChart
@@ -30,16 +30,12 @@ LABELS = {
 }
 """What is written beside an axis."""
 
-Columns = dict[str, NDArray[Any]]
-
 
 def sweep(loop: NRDOB, family: PlantFamily, quantities: Iterable[str] = QUANTITIES) -> SweepTable:
     r"""Judge every member of a family in place of the loop's process.
 
     Model, controller and filter remain. Verdicts are those of `NRDOB.stability`, found for many
-    members at once where Routh's test, or with dead time the turns of the argument, are certain
-    however the coefficients are rounded; the others are judged one by one and flagged in the column
-    "alone".
+    members at once where Routh's test, or with dead time the argument, are certain within rounding.
 
     Parameters
     ----------
@@ -87,7 +83,9 @@ def sweep(loop: NRDOB, family: PlantFamily, quantities: Iterable[str] = QUANTITI
     return SweepTable(family, joined)
 
 
-def _judge_block(loop: NRDOB, family: PlantFamily, peaks: bool, block: int) -> Columns:
+def _judge_block(
+    loop: NRDOB, family: PlantFamily, peaks: bool, block: int
+) -> dict[str, NDArray[Any]]:
     """Judge the members of one block: the columns of the table."""
     drawn = family.drawn.block(block)
     plants, problems = family.plants(drawn)
@@ -141,8 +139,7 @@ class SweepTable:
 
     - "stable": True where that is certain;
     - "decided": whether the verdict is known, one way or the other;
-    - "alone": members too close to call, or too odd, for many at once, which were judged one by
-      one by the methods of `nrdob.NRDOB`;
+    - "alone": members too close to call, or too odd, for many at once, and judged one by one;
     - "reason": for those, why there is no verdict, or no plant; empty otherwise.
 
     Ms of members that are not known to be stable is nan.
@@ -263,8 +260,9 @@ class SweepTable:
                 f"the chart is of {chart.x.name} and {chart.y.name}, the map of {x} and {y}; make "
                 "both of the same two"
             )
+        _, delay = undelayed(self.family.process)
         across, up = (
-            MapAxis(LABELS.get(name, name), self[name] + (name == "delay") * self.family.delay)
+            MapAxis(LABELS.get(name, name), self[name] + (name == "delay") * delay)
             for name in (x, y)
         )
         # Borders are drawn a little beyond their chart: there is no lag below zero.

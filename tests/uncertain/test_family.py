@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import nrdob
-from nrdob.uncertain.distributions import BLOCK
+from nrdob.uncertain.plantfamily import BLOCK
 
 LAG = ct.tf([1], [1, 1])
 

@@ -45,7 +45,7 @@ def test_a_dead_time_of_the_longest_decides():
 
 
 def test_plants_that_exclude_each_other_are_named():
-    plants = nrdob.plant_family(LAG, gain=(-1.0, 1.0), grid=2)
+    plants = nrdob.plant_family(-LAG, gain=(-1.0, 1.0), grid=2)
     with pytest.raises(ValueError, match="members 0, 1 exclude each other"):
         nrdob.design_filter(plants, LAG, order=1, max_ms=2.0)
     with pytest.raises(TypeError, match="max_ms"):
