@@ -24,7 +24,7 @@ from contourpy import contour_generator
 from scipy.ndimage import distance_transform_edt, find_objects, label
 
 from ..numerics import FloatArray, IntArray, is_real
-from .chartborders import MANY_ROOTS, ChartLoops, borders_of, most_turns
+from .chartborders import ChartLoops, borders_of
 from .chartcurves import PIXELS, Axis, Border, check_value, given_axis
 
 __all__ = ["Axis", "Border", "Region", "StabilityChart", "stability_chart"]
@@ -45,8 +45,6 @@ class Region:
     ----------
     count : float
         Roots of p_B in the right half plane; infinite beyond a neutral border.
-    exact : bool
-        False where there are `count` or more, and curves too close to be drawn.
     x, y, share : float
         A point well inside, and the part of the chart that it covers, on its axes.
     """
@@ -55,7 +53,6 @@ class Region:
     x: float
     y: float
     share: float
-    exact: bool = True
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -67,8 +64,7 @@ class StabilityChart:
     x, y : Axis
         The parameters.
     borders : tuple of Border
-        The curves on which the number of unstable roots may change; of those of a long dead time,
-        which lie too close, the ones beside the regions with the fewest.
+        The curves on which the number of unstable roots may change.
     regions : tuple of Region
         What they leave, the largest first.
     ms_levels : dict
@@ -182,10 +178,8 @@ def stability_chart(
                 f"ms has the level {level!r}; give numbers above 1, such as (1.5, 2.0)"
             )
     loops = ChartLoops.of(process, model, filter, {axis.name for axis in axes})
-    most = most_turns(loops, *axes)
-    borders = tuple(borders_of(loops, *axes, most))
-
-    regions, labels = _regions_of(loops, axes, _labelled(axes, borders), capped=most < inf)
+    borders = tuple(borders_of(loops, *axes))
+    regions, labels = _regions_of(loops, axes, _labelled(axes, borders))
     lines = _ms_levels(loops, axes, labels, regions, ms) if ms else {}
 
     def count_at(x: float, y: float) -> float:
@@ -214,9 +208,9 @@ def _labelled(axes: tuple[Axis, Axis], borders: tuple[Border, ...]) -> IntArray:
 
 
 def _regions_of(
-    loops: ChartLoops, axes: tuple[Axis, Axis], labels: IntArray, *, capped: bool
+    loops: ChartLoops, axes: tuple[Axis, Axis], labels: IntArray
 ) -> tuple[tuple[Region, ...], IntArray]:
-    """Count in every part, at two points of the larger ones; if `capped`, up to `MANY_ROOTS`."""
+    """Count in every part, at two points of the larger ones."""
     depth = distance_transform_edt(np.pad(labels > 0, 1))[1:-1, 1:-1]
     sizes = np.bincount(labels.ravel())
     sizes[0] = 0
@@ -229,15 +223,13 @@ def _regions_of(
     regions, numbers = [], np.zeros(sizes.size, dtype=labels.dtype)
     for k, some in zip(order, places, strict=True):
         counts = set(islice(counted, len(some)))
-        many = capped and min(counts) >= MANY_ROOTS
-        counts = {MANY_ROOTS} if many else counts
         if len(counts) > 1:
             raise ArithmeticError(
                 f"within one region of the chart, {counts} roots are counted, at {some}: a "
                 "border is too fine for it; let the axes be shorter"
             )
         share = float(sizes[k]) / PIXELS**2
-        regions.append(Region(counts.pop(), *some[0], share, exact=not many))
+        regions.append(Region(counts.pop(), *some[0], share))
         numbers[k] = len(regions)
     return tuple(regions), numbers[labels]
 

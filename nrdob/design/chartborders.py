@@ -9,11 +9,8 @@ and the filter another time constant λ. Then
 where E is what is left of :math:`D_f - N_f`, or of :math:`D_f - N_f e^{-\theta_m s}`, whose dead
 time is then one of A. A root is on the axis where W = -(1 + jτω) A/B equals
 :math:`k e^{-j\omega\theta}`. Of any two parameters ω gives the values: :math:`|W| = k` and
-:math:`\theta = (2\pi m - \arg W)/\omega`, or k where :math:`W e^{j\omega\theta}` is real, and so
-on; with λ, all of them on a curve in the plane of ω and λ. A real root crosses at ω = 0 or at
-infinity. With long dead times the curves get denser than a chart can show; they are drawn up to
-where so many roots are in the right half plane that no more dead time brings all of them back
-(`most_turns`).
+:math:`\theta = (2\pi m - \arg W)/\omega`, and so on; with λ, all of them on a curve in the plane
+of ω and λ. A real root crosses at ω = 0 or at infinity.
 """
 
 from __future__ import annotations
@@ -43,7 +40,6 @@ from .chartcurves import (
     beside_changes,
     cut,
     drawn,
-    drawn_together,
     level_set,
     parts,
     projected,
@@ -52,16 +48,13 @@ from .chartcurves import (
 from .mismatch import Mismatch
 from .mismatchgrid import Frequencies
 
-__all__ = ["MANY_ROOTS", "ChartLoops", "borders_of", "most_turns"]
+__all__ = ["ChartLoops", "borders_of"]
 
 PER_DECADE, PER_TURN = 48, 24  # density of frequencies, and those to a turn of a fixed dead time
-MANY = 20_000  # so many frequencies, or curves, are too many
+MANY = 20_000  # so many frequencies are too many
 SLAB = 64  # loops whose roots are counted at once
-MANY_ROOTS = 80  # where the curves of a dead time are too many, at least so many roots are unstable
 LAMBDAS = 160  # number of λ over an axis
-AT_ONCE = 256  # turns of the dead time whose curves are drawn at once
-FEW = PIXELS // 2  # turns of the dead time up to which all curves are drawn
-VALUES = 80  # number of values of the other parameter for which the turns are counted
+TURNS = 2 * PIXELS  # turns of the dead time, each with a curve, that a chart may have
 
 Curve = tuple[FloatArray, FloatArray, FloatArray]
 
@@ -79,7 +72,7 @@ class ChartLoops:
         prompt, delay = undelayed(process)
         fixed = {"gain": 1.0, "delay": 0.0 if "delay" in free else delay, "lag": 0.0}
         if "time_constant" in free:
-            return cls(Mismatch.of(prompt, model, _family(filter), waits=True), fixed)
+            return cls(Mismatch.of(prompt, model, _family(filter)), fixed)
         if isinstance(filter, FilterFamily | int):
             raise TypeError(
                 "filter is a whole family, but time_constant is on no axis: give one filter, such "
@@ -190,49 +183,19 @@ def _family(filter: Any) -> FilterFamily:
     )
 
 
-def borders_of(loops: ChartLoops, x: Axis, y: Axis, most: float) -> Iterator[Border]:
+def borders_of(loops: ChartLoops, x: Axis, y: Axis) -> Iterator[Border]:
     """Give the curves on which the number of roots in the right half plane may change."""
     for flipped, axes in ((False, (x, y)), (True, (y, x))):
         if crossing := CROSSING.get((axes[0].name, axes[1].name)):
-            for omega, first, second in (*crossing(loops, axes, most), *_ends(loops, axes)):
+            for omega, first, second in (*crossing(loops, axes), *_ends(loops, axes)):
                 points = (second, first) if flipped else (first, second)
                 yield from cut(x, y, Border(*points, omega))
-
-
-def most_turns(loops: ChartLoops, x: Axis, y: Axis) -> float:
-    r"""Count the turns θω/2π up to which the curves of a dead time are drawn; inf for all of them.
-
-    Whatever θ is, a pair of roots goes right where :math:`|W| = k` and :math:`|W|` rises with ω,
-    and left where it falls: up to one, so many times as θω/2π. After t seconds at least
-    t Σ ±ω/2π - K pairs are in the right half plane, for K such frequencies.
-    """
-    if y.name != "delay":
-        x, y = y, x
-    if y.name != "delay":
-        return inf
-    omega = loops.frequencies((x, y))
-    first, last = x.positive if x.name in ("time_constant", "gain") else (x.low, x.high)
-    values = np.linspace(first, last, VALUES)
-    if x.logarithmic:
-        values = np.geomspace(first, last, VALUES)
-    values = values[:, None]
-    size = np.abs(loops.ratio(omega, values if x.name == "time_constant" else 1.0))
-    size = size * np.abs(1 + 1j * omega * values) if x.name == "lag" else size
-    large = size < (values if x.name == "gain" else 1.0)
-    steps = large[:, :-1] * 1.0 - large[:, 1:]
-    rate, crossings = (steps * omega[:-1]).sum(axis=1), np.abs(steps).sum(axis=1)
-    fastest = (np.abs(steps) * omega[:-1]).max(axis=1)
-    if fastest.max() * y.high / (2 * pi) <= FEW:
-        return inf
-    turning = crossings > 0
-    needed = (MANY_ROOTS / 2 + 2 * crossings) * fastest
-    return float(np.max(needed[turning] / np.maximum(rate[turning], 1e-300)))
 
 
 # Without λ: both parameters are functions of ω.
 
 
-def _gain_and_lag(loops: ChartLoops, axes: tuple[Axis, Axis], most: float) -> Iterator[Curve]:
+def _gain_and_lag(loops: ChartLoops, axes: tuple[Axis, Axis]) -> Iterator[Curve]:
     """Solve (1 + jτω) W = k."""
 
     def at(place: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
@@ -242,12 +205,12 @@ def _gain_and_lag(loops: ChartLoops, axes: tuple[Axis, Axis], most: float) -> It
             return place, np.abs(W) ** 2 / W.real, -W.imag / (omega * W.real)
 
     omega = beside_changes(lambda w: loops.ratio(w).real, loops.frequencies(axes))
-    for part in parts(loops.ratio(omega).real > 0):
-        place, gain, lag = drawn(axes, np.log(omega[part])[None], at, 1)
+    places = [np.log(omega[part])[None] for part in parts(loops.ratio(omega).real > 0)]
+    for place, gain, lag in drawn(axes, places, at, 1):
         yield np.exp(place[0]), gain, lag
 
 
-def _with_delay(loops: ChartLoops, axes: tuple[Axis, Axis], most: float) -> Iterator[Curve]:
+def _with_delay(loops: ChartLoops, axes: tuple[Axis, Axis]) -> Iterator[Curve]:
     """Take the gain, or the lag, from the size of W, and the dead time from its angle."""
     first, omega = axes[0], loops.frequencies(axes)
 
@@ -265,25 +228,21 @@ def _with_delay(loops: ChartLoops, axes: tuple[Axis, Axis], most: float) -> Iter
     with np.errstate(invalid="ignore"):
         seen = np.isfinite(W) & (values <= first.high) & (values >= first.low)
     for part in parts(within(seen) & np.isfinite(W)):
-        yield from _turns(axes, np.log(omega[part])[None], curve, most)
+        yield from _turns(axes, np.log(omega[part])[None], curve)
 
 
 def _turns(
     axes: tuple[Axis, Axis],
     place: FloatArray,
     curve: Callable[[FloatArray], tuple[FloatArray, FloatArray, ComplexArray]],
-    most: float,
 ) -> Iterator[Curve]:
-    """Give the dead times that turn 1 to the angle of W, one turn after the other.
-
-    The angle is a row of the places, so that between two points it is followed from both.
-    """
+    """Give the dead times that turn 1 to the angle of W, which is a row of the places."""
     place, _, W = curve(place)
     omega, angle = np.exp(place[0]), np.unwrap(-np.angle(W))
     ends = axes[1].value(np.array([-BESIDE, 1 + BESIDE]))[:, None]
-    turns = (np.minimum(ends * omega, 2 * pi * most) - angle) / (2 * pi)
+    turns = (ends * omega - angle) / (2 * pi)
     first, last = ceil(np.nanmin(turns)) - 1, int(np.nanmax(turns)) + 1
-    if last - first > MANY:
+    if last - first > TURNS:
         raise ValueError(
             f"the dead time makes {last - first} turns within the chart: let the axes begin "
             "farther from 0, or end earlier"
@@ -302,9 +261,8 @@ def _turns(
         kept = np.append(shown, False) | np.append(False, shown)
         turned = np.vstack([place, angle + 2 * pi * m])
         places += [turned[:, part] for part in parts(kept)]
-    for k in range(0, len(places), AT_ONCE):
-        together = drawn_together(axes, places[k : k + AT_ONCE], at, len(place))
-        yield from ((np.exp(found[0]), values, theta) for found, values, theta in together)
+    for found, values, theta in drawn(axes, places, at, len(place)):
+        yield np.exp(found[0]), values, theta
 
 
 # With λ: where a function of ω and λ vanishes.
@@ -322,7 +280,7 @@ Of a dead time W itself: its angle gives one for each turn.
 """
 
 
-def _with_lambda(loops: ChartLoops, axes: tuple[Axis, Axis], most: float) -> Iterator[Curve]:
+def _with_lambda(loops: ChartLoops, axes: tuple[Axis, Axis]) -> Iterator[Curve]:
     second = axes[1].name
     off, other = OFF[second]
 
@@ -338,9 +296,9 @@ def _with_lambda(loops: ChartLoops, axes: tuple[Axis, Axis], most: float) -> Ite
 
     for line in level_set(vanishing, np.log(loops.frequencies(axes)), _lambdas(axes[0])):
         if second == "delay":
-            yield from _turns(axes, line, at, most)
+            yield from _turns(axes, line, at)
             continue
-        place, lam, values = drawn(axes, line, at, 2)
+        ((place, lam, values),) = drawn(axes, [line], at, 2)
         for part in parts(values > 0 if second == "gain" else np.isfinite(values)):
             yield np.exp(place[0, part]), lam[part], values[part]
 
@@ -366,8 +324,7 @@ def _lambdas(axis: Axis) -> FloatArray:
 def _ends(loops: ChartLoops, axes: tuple[Axis, Axis]) -> Iterator[Curve]:
     """Lines on which p_B(0), or its leading coefficient, vanishes: p = k q, for each λ.
 
-    With dead time, at infinity, the delayed terms together are as large as the one without: beyond,
-    the dead time of a delayed model would have to be followed for ever.
+    At infinity the delayed terms together are as large as the one without dead time.
     """
     first, second = axes
     values = first.value(np.linspace(0, 1, 8 * PIXELS + 1))

@@ -15,7 +15,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from contourpy import contour_generator
 
-from ..numerics import BoolArray, FloatArray, IntArray, bisect, is_real
+from ..diagram import real_number
+from ..numerics import BoolArray, FloatArray, IntArray, bisect
 
 __all__ = [
     "BESIDE",
@@ -26,7 +27,6 @@ __all__ = [
     "check_value",
     "cut",
     "drawn",
-    "drawn_together",
     "given_axis",
     "level_set",
     "parts",
@@ -128,19 +128,17 @@ def given_axis(which: str, given: Any) -> Axis:
     if name not in AXES:
         known = ", ".join(f'"{each}" ({what})' for each, what in AXES.items())
         raise ValueError(f"{which} is {name!r}; it must be one of {known}")
-    if not (is_real(low) and is_real(high)):
-        raise TypeError(f"{which} reaches from {low!r} to {high!r}; give two real numbers")
+    low, high = (real_number(end, f"an end of {which}", "give two numbers") for end in (low, high))
     if not (isfinite(low) and isfinite(high) and 0 <= low < high):
         raise ValueError(
             f"{which} reaches from {low} to {high}; give two increasing numbers, 0 or above"
         )
-    return Axis(name, float(low), float(high))
+    return Axis(name, low, high)
 
 
 def check_value(name: str, value: Any) -> None:
     """Refuse a value that the parameter cannot have."""
-    if not is_real(value):
-        raise TypeError(f"{name} is {value!r}; give a real number")
+    value = real_number(value, name, "give a real number")
     least = "0 or above" if name in ("delay", "lag") else "positive"
     if not (isfinite(value) and value >= 0) or (value == 0 and least == "positive"):
         raise ValueError(f"{name} is {value}; it must be {least}")
@@ -168,21 +166,14 @@ A column that is no number is no place on this curve.
 
 
 def drawn(
-    axes: tuple[Axis, Axis], place: FloatArray, at: Places, located: int
-) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Put points between those of a curve until no step on the chart is long.
-
-    A chord across a bend would leave a region open to its neighbour. The first rows of the places,
-    `located`, say where on the curve a point is; further ones belong to it.
-    """
-    ((place, first, second),) = drawn_together(axes, [place], at, located)
-    return place, first, second
-
-
-def drawn_together(
     axes: tuple[Axis, Axis], places: list[FloatArray], at: Places, located: int
 ) -> Iterator[tuple[FloatArray, FloatArray, FloatArray]]:
-    """Do so for many curves of one kind at once, which takes hardly longer than for one."""
+    """Put points between those of curves until no step on the chart is long.
+
+    The first rows of the places, `located`, say where on its curve a point is.
+    """
+    if not places:
+        return
     place = np.hstack(places)
     curve = np.repeat(np.arange(len(places)), [each.shape[1] for each in places])
     place, first, second = at(place)
@@ -284,10 +275,7 @@ def level_set(function: Vanishing, u: FloatArray, v: FloatArray) -> Iterator[Flo
 def _on_edges(
     function: Vanishing, grid: tuple[FloatArray, FloatArray], point: FloatArray
 ) -> FloatArray:
-    """Solve for where a function vanishes on the edges of a grid, near where it seems to.
-
-    Beside a narrow tongue that may be far off, but between the ends of the edge it changes sign.
-    """
+    """Solve for where a function vanishes on the edges of a grid, between whose ends it does."""
     low, high = point.copy(), point.copy()
     for k, lines in enumerate(grid):
         after = np.clip(np.searchsorted(lines, point[k]), 1, lines.size - 1)
@@ -344,10 +332,9 @@ def _leads_along(function: Vanishing, curve: FloatArray) -> BoolArray:
 def _followed(
     function: Vanishing, ends: FloatArray, bounds: tuple[tuple[float, float], ...]
 ) -> Iterator[FloatArray]:
-    """Follow curves from both ends of steps that lead across, until they come to the other end.
+    """Follow curves from both ends of steps that lead across, to the other end or the grid's.
 
-    Or to the end of the grid. All at once: `ends` holds u and v of a point, of the other end, and
-    of a point of the known curve, from which it leads away; two columns for each step.
+    `ends` holds u and v of a point, of the other end, and of the known curve's point before it.
     """
     point, other, back = ends[:2].copy(), ends[2:4], ends[4:]
     size = np.minimum(np.hypot(*(other - point)), STEP)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any, TypeVar
 
 import numpy as np
+from numpy.polynomial import polynomial
 from scipy.linalg import pascal
 
 from ..numerics import BoolArray, ComplexArray, FloatArray, companion_roots
@@ -73,10 +74,7 @@ def _eigenvalues(monic: Columns) -> ComplexArray:
 
 
 def _by_formula(monic: ComplexArray) -> ComplexArray:
-    """Roots of monic quadratics or cubics, the last digits of the smallest lost where sizes differ.
-
-    Of a cubic the largest one by Cardano's formula, the others of what it leaves.
-    """
+    """Roots of monic quadratics or cubics: by Cardano's formula the largest, then the others."""
     if monic.shape[0] == 3:
         return _of_quadratic(monic[1], monic[0])
     p, q, r = monic[2] / 3, monic[1], monic[0]
@@ -98,10 +96,7 @@ def _of_quadratic(p: ComplexArray, q: ComplexArray) -> ComplexArray:
 
 
 def _polished(coefficients: ComplexArray, roots: ComplexArray) -> tuple[ComplexArray, BoolArray]:
-    """Take Newton's steps to roots, and tell where the last ones lead nowhere.
-
-    Where the value is but rounding, as at roots that are nearly one, they could only do harm.
-    """
+    """Take Newton's steps to roots, unless the value is rounding; tell where they lead nowhere."""
     sizes = np.abs(coefficients)
     with np.errstate(all="ignore"):
         for _ in range(NEWTON):
@@ -115,10 +110,9 @@ def _polished(coefficients: ComplexArray, roots: ComplexArray) -> tuple[ComplexA
 
 
 def last_root(columns: FloatArray) -> FloatArray:
-    """Last positive root of polynomials, ascending coefficients in columns; 0 where none is.
+    """Bound the last positive root of polynomials, ascending coefficients in columns; 0 for none.
 
-    A pair that is not quite real counts, because between two frequencies it may become so. For a
-    bound the roots need not be polished.
+    A pair that is not quite real counts, because between two frequencies it may become so.
     """
     scaled, scale = _scaled(columns)
     roots = _eigenvalues(scaled) * scale
@@ -138,11 +132,10 @@ def values_and_slopes(
     coefficients: ComplexArray, x: ComplexArray
 ) -> tuple[ComplexArray, ComplexArray]:
     """Polynomials, ascending coefficients in columns, at the points of the same columns."""
-    value = np.zeros_like(x) + coefficients[-1]
-    slope = np.zeros_like(x)
-    for k in range(coefficients.shape[0] - 2, -1, -1):
-        slope = slope * x + value
-        value = value * x + coefficients[k]
+    value, slope = (
+        polynomial.polyval(x, c, tensor=False)
+        for c in (coefficients, polynomial.polyder(coefficients))
+    )
     return value, slope
 
 

@@ -12,8 +12,16 @@ import numpy as np
 from scipy.optimize import minimize_scalar
 
 from ..analysis import Margins, judge, quotient_margins
-from ..diagram import Fraction, LoopEquations, LowPassFilter, as_fraction, nonzero, undelayed
-from ..numerics import ComplexArray, FloatArray, IntArray, QuasiPolynomial, is_real
+from ..diagram import (
+    Fraction,
+    LoopEquations,
+    LowPassFilter,
+    as_fraction,
+    nonzero,
+    real_number,
+    undelayed,
+)
+from ..numerics import ComplexArray, FloatArray, IntArray, QuasiPolynomial
 
 __all__ = ["design_controller"]
 
@@ -58,9 +66,9 @@ def design_controller(
     :math:`k(1 + 1/(T_is))`, does so exactly; above that a PID with filter, up to 44° ahead; below
     -90° an integrator, with a larger margin than asked for. What comes out is verified.
 
-    A phase margin does not see everything: near a resonance the loop can come close to -1 without
-    a crossover. `max_ms` limits the peak of the sensitivity as well. The dead time of a delayed
-    model stays outside of the loop that C closes, as in a Smith predictor.
+    Near a resonance the loop can come close to -1 without a crossover: `max_ms` limits the peak of
+    the sensitivity as well. The dead time of a delayed model stays outside of the loop that C
+    closes, as in a Smith predictor.
 
     Parameters
     ----------
@@ -97,8 +105,8 @@ def design_controller(
     fraction = nonzero(as_fraction(undelayed(model)[0], "model"), "model")
     options = {"bandwidth": bandwidth, "phase_margin": phase_margin, "max_ms": max_ms}
     for name, given in options.items():
-        if given is not None and not is_real(given):
-            raise TypeError(f"{name} is {given!r}; give a real number")
+        if given is not None:
+            real_number(given, name, "give a real number")
     if not 0 < phase_margin < 90:
         raise ValueError(
             f"phase_margin is {phase_margin}; give an angle between 0 and 90 degrees, such as 60"
@@ -203,9 +211,8 @@ def _judged(model: Fraction, controller: ct.TransferFunction) -> Margins:
 def _largest_integral_gain(model: Fraction, phase_margin: float) -> _Design:
     """Find the PI of largest integral gain among those of every crossover frequency.
 
-    The crossovers that keep the phase margin form runs, in each of which the loop is either always
-    stable or never: to change, it would have to pass -1. So one exact verdict judges a run, and
-    the largest gain in it lies at its best sample, or between that one and a neighbour.
+    In a run of crossovers that keep the phase margin the loop is either always stable or never: to
+    change, it would have to pass -1. So one exact verdict judges a run.
     """
     omega = _frequencies(model, CROSSOVERS)
     found: list[_Design] = []

@@ -17,8 +17,7 @@ from scipy.optimize import linear_sum_assignment
 
 from ..numerics import BoolArray, ComplexArray, FloatArray, IntArray, bisect, side
 from .columns import positive_roots, root_near, roots_of_columns, values_and_slopes
-from .familytables import summed, taylor, wide
-from .mismatch import Mismatch
+from .mismatch import Mismatch, summed, taylor, wide
 
 __all__ = ["Branches", "CriticalTimeConstant", "crossings"]
 
@@ -41,6 +40,7 @@ ROUGH, STEP, FARTHEST = 1e-11, 1e-15, 1e-3
 """Bound of the rounding error of a critical λ from which it is found exactly; step of the frequency
 for that, and by how much it may differ at most."""
 
+BESIDE = 1.1  # another λ, against a critical one, at which p_B has its usual degree
 JUMP = 1e-6  # distance from the line, against the branch's size, that makes it a jump
 
 
@@ -220,10 +220,7 @@ def _sign_changes(branches: Branches, known: BoolArray) -> Brackets:
 def _hidden_pairs(
     branches: Branches, known: BoolArray, rounding: FloatArray
 ) -> tuple[Brackets, Brackets]:
-    """Bracket pairs of crossings that leave the same side at both neighbours, but a dip.
-
-    Of two frequencies so close that only rounding tells them apart both may be the bottom.
-    """
+    """Bracket pairs of crossings that leave the same side at both neighbours, but a dip."""
     real, omega = branches.excess.real, branches.omega
     sign, size = side(real), np.abs(real)
     inner = np.s_[:, 1:-1]
@@ -250,8 +247,7 @@ def _across(
 ) -> FloatArray:
     """Find frequencies at which branches on one side, `way`, are on the other; nan for none.
 
-    By looking ever more closely around the lowest of some values, until a parabola through it and
-    its neighbours stays on its side. Few calls with many frequencies each are fastest.
+    Around the lowest value ever more closely, until a parabola through it stays on its side.
     """
     found, share = np.full(of.size, np.nan), np.linspace(0, 1, ACROSS)
     k = np.arange(of.size)
@@ -284,8 +280,7 @@ def _accepted(branches: Branches, omega: FloatArray, excess: ComplexArray) -> Bo
 def _through_ends(mismatch: Mismatch) -> list[CriticalTimeConstant]:
     """Find the λ at which a real root passes through s = 0 or through infinity.
 
-    There p_B(0), or its leading coefficient, vanishes; the root is near -p_B(0)/p_B'(0), or near
-    minus the second coefficient over the leading one.
+    There p_B(0), or its leading coefficient, vanishes; the next coefficient gives the direction.
     """
     constant, slope, leading, second = _at_ends(mismatch)[:, ::-1]
     found = []
@@ -294,17 +289,15 @@ def _through_ends(mismatch: Mismatch) -> list[CriticalTimeConstant]:
             lead, second = (float(np.polyval(np.polyder(p), critical)) for p in (end, other))
             direction = int(-np.sign(lead * np.polyval(other, critical)))
             rest = mismatch.p_B(critical)
-            if frequency and not rest.delay and rest.q.size == _degree(mismatch) - 1:
+            usual = mismatch.p_B(BESIDE * critical).q.size
+            if frequency and not rest.delay and rest.q.size == usual - 2:
                 direction = _pair_at_infinity(mismatch, critical, (lead, second))
             found.append(CriticalTimeConstant(critical, frequency, direction))
     return found
 
 
 def _at_ends(mismatch: Mismatch) -> FloatArray:
-    """Coefficients in λ, ascending, of s^0, s^1 and of the two highest powers of s in p_B.
-
-    Those at s = 0 of the series of all, the highest only of what is before any dead time.
-    """
+    """Coefficients in λ of s^0 and s^1 in p_B, and of the two highest powers without dead time."""
     tables = [(mismatch.E, mismatch.a, 0.0)] + [
         (mismatch.Nf, p, delay) for p, delay in mismatch.behind
     ]
@@ -333,17 +326,9 @@ def _at_ends(mismatch: Mismatch) -> FloatArray:
 def _pair_at_infinity(mismatch: Mismatch, critical: float, slopes: tuple[float, float]) -> int:
     """Find the direction where the two highest coefficients of p_B vanish at one λ.
 
-    Next to it they grow by their slopes in λ. On one side the two large roots are real, one to the
-    right and one to the left; on the other they are a pair whose real part is finite.
+    The two large roots are real there on one side, and a pair of finite real part on the other.
     """
     lead, second = slopes
     third, fourth = np.append(mismatch.p_B(critical).q, 0.0)[:2]
     of_pair = 2 if fourth / third > second / lead else 0
     return of_pair - 1 if third / lead > 0 else 1 - of_pair
-
-
-def _degree(mismatch: Mismatch) -> int:
-    """Highest power of s in p_B for most λ."""
-    parts = [(mismatch.E, mismatch.a), *((mismatch.Nf, p) for p, _ in mismatch.behind)]
-    highest = max(wide(table).shape[1] + p.size for table, p in parts if p.any()) - 2
-    return int(highest - mismatch.divided)

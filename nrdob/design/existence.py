@@ -21,8 +21,7 @@ from ..numerics import (
     shared_factor,
     written,
 )
-from .familytables import multiplied
-from .mismatch import Mismatch
+from .mismatch import Mismatch, multiplied
 
 __all__ = [
     "INTEGRATOR",
@@ -69,9 +68,8 @@ def right_half_plane_parity(process: Any, model: Any) -> Answer:
 
     A real root enters the right half plane through s = 0 or infinity. But p_B(0) = N(0)Dm(0), and
     the leading coefficient of p_B is that of D·Nm·Df, if F·H is strictly proper: neither depends on
-    F. So the number of right-half-plane roots is even for every F or odd
-    for every F: even if and only if G(0)/G̃(0) has the sign :math:`(-1)^{P}`, where P counts the
-    right-half-plane poles of the process and zeros of the model.
+    F. So the number of right-half-plane roots is even, or odd, for every F: even if and only if
+    G(0)/G̃(0) has the sign :math:`(-1)^{P}`, with P poles of process and zeros of model there.
 
     Parameters
     ----------
@@ -95,11 +93,11 @@ def right_half_plane_parity(process: Any, model: Any) -> Answer:
     >>> right_half_plane_parity(ct.tf([4], [-1, -1, 2]), ct.tf([1], [1, 3, 2]))
     no: 1 unstable pole of G/model: the model must have the opposite DC sign
     """
-    mismatch = Mismatch.of(process, model, waits=True)
+    mismatch = Mismatch.of(process, model)
     if mismatch.held_at_origin:
         # Of a zero of the process no filter is rid, of integrators one with 1 - F ~ s^2 or more.
         return Answer(False if mismatch.factors[0][-1] == 0 else None, ROOT_AT_ORIGIN)
-    if mismatch.integrator:
+    if mismatch.divided:
         return Answer(True, INTEGRATOR)
     _, D, Nm, _ = mismatch.factors
     P = roots_by_side(D, Nm)[0].size
@@ -116,10 +114,9 @@ def stabilizing_filter_exists(process: Any, model: Any) -> Answer:
 
     The blocks F/G̃ and (1 - F)G̃ are each built as one. Let :math:`\bar D` hold the model's poles
     p, Re p ≥ 0, that the process has, too, each as often as the model has it, and :math:`\bar N`
-    such zeros. They must cancel inside the blocks: else p_B over what cancels is zero there,
-    whatever F is. With what is left, :math:`1 - F = \bar D E/D_f`, :math:`F = \bar N N_f'/D_f`,
-    :math:`D_m = \bar D D_m'` and :math:`N_m = \bar N N_m'`, two polynomials must have all roots in
-    the left half plane,
+    such zeros. They must cancel inside the blocks. With :math:`1 - F = \bar D E/D_f`,
+    :math:`F = \bar N N_f'/D_f`, :math:`D_m = \bar D D_m'` and :math:`N_m = \bar N N_m'`, two
+    polynomials must have all roots in the left half plane,
 
     .. math:: \bar D\,E + \bar N\,N_f' = D_f \quad\text{and}\quad
               D N_m'\,E + N D_m'\,N_f' = p :
@@ -128,13 +125,11 @@ def stabilizing_filter_exists(process: Any, model: Any) -> Answer:
     is strong stabilisation of their difference (Vidyasagar and Viswanadham). At the zeros of b - a,
     a = D·Nm and b = N·Dm, :math:`p = \kappa D_f` with :math:`\kappa = D N_m'/\bar D =
     N D_m'/\bar N` wherever the one or the other is finite. So by the parity interlacing property
-    an F exists if and only if p/Df can keep one sign on the positive real
-    axis: if κ has one sign at s = 0, where F = 1; at each real zero s > 0 of b - a, the common
-    poles and zeros among them; and at infinity, where p/Df has the sign of a, if F·H rolls off. It
-    must, unless the process is biproper and the model is not: then F need not fall faster than H
-    grows, the leading coefficient of p has either sign, and infinity forbids nothing. At s = 0
-    nothing is forbidden if the model integrates and the process does not. With a = b all of this is
-    true: p = κ Df, and all roots of κ are in the left half plane.
+    an F exists if and only if p/Df can keep one sign on the positive real axis: if κ has one sign
+    at s = 0, where F = 1; at each real zero s > 0 of b - a, the common poles and zeros among them;
+    and at infinity, where p/Df has the sign of a, if F·H rolls off. It must, unless the process is
+    biproper and the model is not: then infinity forbids nothing. At s = 0 nothing is forbidden if
+    the model integrates and the process does not.
 
     Parameters
     ----------
@@ -172,12 +167,12 @@ def stabilizing_filter_exists(process: Any, model: Any) -> Answer:
     >>> found.holds, found.reason.split(":")[0]
     (True, 'an F made for what process and model have in common at 1')
     """
-    mismatch = Mismatch.of(process, model, waits=True)
+    mismatch = Mismatch.of(process, model)
     a, b = mismatch.a, mismatch.b
     N, D, Nm, Dm = mismatch.factors
     unstable = np.concatenate(roots_by_side(D, Nm))
     shared = [root for root in unstable if any(vanishes(p, root) for p in (N, Dm))]
-    integrators = Dm[-1] == 0 and not mismatch.integrator  # beside the one that both have
+    integrators = Dm[-1] == 0 and not mismatch.divided  # beside the one that both have
     if N[-1] and (shared or integrators):
         return _made_for_common_roots(mismatch, [*shared, *([0j] if integrators else [])])
     # With a dead time p_B has the sign of a far out on the real axis, whatever F.
@@ -190,7 +185,7 @@ def stabilizing_filter_exists(process: Any, model: Any) -> Answer:
     zeros = _real_zeros(b, a)
     signs = np.sign(np.polyval(a, zeros.real))
     first = b[-1]
-    if mismatch.integrator:  # the sign at 0 is free
+    if mismatch.divided:  # the sign at 0 is free
         first = signs[0] if free_at_infinity and signs.size else a[0]
     wrong = zeros[signs * first < 0]
     if wrong.size:
@@ -212,9 +207,8 @@ def stabilizing_filter_exists(process: Any, model: Any) -> Answer:
 class _Common(NamedTuple):
     """What a polynomial of the process shares with one of the model.
 
-    `roots` are common, in the right half plane or on the axis but for s = 0, each once; `process`
-    and `model` are without the common factor. All of the model's that has common roots `cancels`,
-    and leaves `rest`.
+    `roots` are those in common, not on the left and not 0; `process` and `model` are without the
+    common factor. All of the model's with common roots `cancels`, and leaves `rest`.
     """
 
     roots: ComplexArray
@@ -254,7 +248,7 @@ def _made_for_common_roots(mismatch: Mismatch, shared: list[complex]) -> Answer:
         )
     which = ", ".join(dict.fromkeys(written(root, pair=True) for root in shared))
     made = f"an F made for what process and model have in common at {which}"
-    signs = {"s = 0": _sign(0.0, N, poles.rest, zeros.cancels)} if not mismatch.integrator else {}
+    signs = {"s = 0": _sign(0.0, N, poles.rest, zeros.cancels)} if not mismatch.divided else {}
     for p in poles.roots[poles.roots.imag == 0].real.tolist():
         signs[f"the common pole {p:.4g}"] = _sign(p, N, poles.rest, zeros.cancels)
     for z in zeros.roots[zeros.roots.imag == 0].real.tolist():

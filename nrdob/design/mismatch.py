@@ -1,26 +1,23 @@
 r"""Process over model, and the observer loop as a polynomial in the time constant λ.
 
-What every question about filters starts from is :math:`R = G/\tilde G = b/a`, a = D·Nm, b = N·Dm.
-With the coefficients :math:`e_k` and :math:`n_k` of the powers of λ in :math:`D_f - N_f` and
-:math:`N_f`
+With :math:`R = G/\tilde G = b/a`, a = D·Nm, b = N·Dm, and the coefficients :math:`e_k`,
+:math:`n_k` and :math:`d_k` of the powers of λ in :math:`D_f - N_f`, :math:`N_f` and :math:`D_f`
 
 .. math:: p_B(s; \lambda)
           = s^{-m} \sum_k \lambda^k \left( a\,e_k + b\,n_k\,e^{-\theta s} \right):
 
 m integrators, which the model has more than the process, cancel inside (1 - F)·model. Whatever else
-F/G̃ and (1 - F)G̃ share with themselves for every λ is divided out of the model and of
-:math:`e_k` or :math:`n_k`. With a dead time in the model no pole but integrators cancels, and
+F/G̃ and (1 - F)G̃ share with themselves for every λ is divided out. With a dead time in the model no
+pole but integrators cancels, and m of Taylor's terms of :math:`e^{-\theta_m s}` go to :math:`d_k`:
 
 .. math:: p_B(s; \lambda) = s^{-m} \sum_k \lambda^k \left(
           a\,d_k + (b\,e^{-\theta s} - D N_m\,e^{-\theta_m s})\,n_k \right).
-
-On the axis m of Taylor's terms of :math:`e^{-\theta_m s}` go to :math:`d_k`, so that both parts can
-be divided.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from fractions import Fraction
 from functools import cached_property, reduce
 from math import factorial, log10
 from typing import Any
@@ -29,32 +26,29 @@ import numpy as np
 
 from ..diagram import FilterFamily, ObserverEquations, as_family, as_fraction, undelayed
 from ..numerics import (
+    ROUNDING,
     BoolArray,
     ComplexArray,
     FloatArray,
     QuasiPolynomial,
     Term,
     add,
+    count_rhp,
     exponential_rest,
     padded_sum,
+    shared_factor,
     values_on_axis,
 )
 from .columns import size_squared
-from .familytables import (
-    by_powers,
-    common_ramp,
-    exactly_on_axis,
-    multiplied,
-    rows,
-    stable_member,
-    taylor,
-    wide,
-    without_shared,
-)
 
-__all__ = ["Mismatch"]
+__all__ = ["Mismatch", "multiplied", "summed", "taylor", "wide"]
 
 ERROR = 64 * float(np.finfo(float).eps)  # rounding error of a value, against its terms' sizes
+
+GENERIC = (0.71, 1.93, 0.31)  # λ, against the typical one, at all of which a factor is shared
+
+OWN, TRIED = "own", (1.0, 0.1, 10.0, 1e-2, 1e2, 1e-3, 1e3)
+"""The only kind whose filters may be unstable, and the λ of which one should not be."""
 
 Factors = tuple[FloatArray, FloatArray, FloatArray, FloatArray]
 
@@ -64,10 +58,9 @@ class Mismatch:
     """The ratio R = G/G̃ = b/a · exp(-(θ - θm)s) and a family of filters.
 
     The factors N, D, Nm and Dm are without what cancels inside the blocks but for m integrators;
-    those that process and model have in common are in no factor. Their roots say where R changes.
-    `zeros` is all of Nm, `delay` and `wait` are θ and θm in seconds, `divided` is m. Row k of E and
-    Nf holds the coefficients of λ^k, descending in s; E is all of Df where the model has a dead
-    time, else Df - Nf.
+    those that process and model have in common are in no factor. `zeros` is all of Nm, `delay` and
+    `wait` are θ and θm, `divided` is m. Row k of E and Nf holds the coefficients of λ^k, descending
+    in s; E is all of Df where the model has a dead time, else Df - Nf.
     """
 
     factors: Factors
@@ -80,44 +73,30 @@ class Mismatch:
     divided: int
 
     @classmethod
-    def of(
-        cls,
-        process: Any,
-        model: Any,
-        filters: int | FilterFamily | None = None,
-        *,
-        waits: bool = False,
-    ) -> Mismatch:
+    def of(cls, process: Any, model: Any, filters: int | FilterFamily | None = None) -> Mismatch:
         """Read process and model as the loop does, with the same refusals.
 
-        Without filters, those of eq. (1) of the lowest order that is causal. `waits` says whether
-        the model may have a dead time.
+        Without filters, those of eq. (1) of the lowest order that is causal.
         """
         if filters is None:
             filters = max(1, as_fraction(undelayed(model)[0], "model").relative_degree)
         family = as_family(filters)
-        loop = ObserverEquations(process, model, stable_member(family))
-        if loop.model_delay and not waits:
-            raise ValueError(
-                f"model has a dead time of {loop.model_delay:g} s, which cannot be used here: "
-                "leave the dead time out"
-            )
-        return cls.in_loop(loop, family)
+        return cls.in_loop(ObserverEquations(process, model, _stable_member(family)), family)
 
     @classmethod
     def in_loop(cls, loop: ObserverEquations, family: FilterFamily) -> Mismatch:
         """Take process and model of a loop, and a family in place of its filter."""
         G, Gm, wait = loop.fractions.G, loop.fractions.Gm, loop.model_delay
-        held = min(QuasiPolynomial(Gm.den).zeros_at_origin, common_ramp(family, wait))
+        held = min(QuasiPolynomial(Gm.den).zeros_at_origin, _common_ramp(family, wait))
         both = min(held, QuasiPolynomial(G.den).zeros_at_origin)
         D, Dm = (p[: p.size - both] for p in (G.den, Gm.den))
-        Nf, Nm = without_shared(family.num, Gm.num)
+        Nf, Nm = _without_shared(family.num, Gm.num)
         E = family.den
         if not wait:
             integrators = np.zeros(held - both)
-            E, rest = without_shared(family.difference, Dm[: Dm.size - integrators.size])
+            E, rest = _without_shared(family.difference, Dm[: Dm.size - integrators.size])
             Dm = np.concatenate([rest, integrators])
-        E, Nf = by_powers(E, Nf)
+        E, Nf = _by_powers(E, Nf)
         return cls(
             factors=(G.num, D, Nm, Dm), zeros=Gm.num, delay=loop.delay, wait=wait, family=family,
             E=E, Nf=Nf, divided=held - both,
@@ -125,11 +104,6 @@ class Mismatch:
 
     def __post_init__(self) -> None:
         self.a, self.b  # noqa: B018 - those out of range are refused at once
-
-    @property
-    def order(self) -> int:
-        """Degree n of the filters' denominator."""
-        return self.family.order
 
     # The ratio R.
 
@@ -144,11 +118,6 @@ class Mismatch:
         return multiplied(self.factors[0], self.factors[3])
 
     @property
-    def integrator(self) -> bool:
-        """Whether integrators of the model cancel inside (1 - F)·model that the process has not."""
-        return self.divided > 0
-
-    @property
     def longest_delay(self) -> float:
         """The longer of the two dead times, in seconds."""
         return max(self.delay, self.wait)
@@ -156,7 +125,7 @@ class Mismatch:
     @property
     def held_at_origin(self) -> bool:
         """Whether p_B(0) = N(0) Dm(0) = 0 whatever λ, with the filters of eq. (1)."""
-        return bool(self.b[-1] == 0) and not self.integrator
+        return bool(self.b[-1] == 0) and not self.divided
 
     @cached_property
     def roots(self) -> ComplexArray:
@@ -185,21 +154,18 @@ class Mismatch:
 
     def _values(self, omega: FloatArray, exact: bool = False) -> list[ComplexArray]:
         if exact:
-            return [exactly_on_axis(p, omega) for p in self.factors]
+            return [_exactly_on_axis(p, omega) for p in self.factors]
         return [values_on_axis(p, omega) for p in self.factors]
 
     def _sizes(self, omega: FloatArray) -> list[FloatArray]:
-        return [rows(np.abs(p)[None], np.asarray(omega))[0] for p in self.factors]
+        return [np.polyval(np.abs(p), omega) for p in self.factors]
 
     # For one filter.
 
     def p_B(
         self, time_constant: float, gain: float = 1.0, delay: float | None = None, lag: float = 0.0
     ) -> QuasiPolynomial:
-        """Characteristic function for one filter, without what cancels inside the blocks.
-
-        The process may be multiplied by a gain, and have another dead time and an additional lag.
-        """
+        """Characteristic function with one filter, and process: its gain, dead time, more lag."""
         parts: list[FloatArray] = []
         sizes: list[FloatArray] = []
         more = np.array([lag, 1.0]) if lag else np.ones(1)
@@ -210,11 +176,11 @@ class Mismatch:
                 for of, found in ((np.asarray, parts), (np.abs, sizes)):
                     row = np.polyval(of(table)[::-1], time_constant)
                     found.append(np.convolve(times, np.convolve(of(factor), row)))
-        in_range = abs(self.order * log10(time_constant)) <= 300
+        in_range = abs(self.family.order * log10(time_constant)) <= 300
         if not (in_range and all(np.isfinite(size).all() for size in sizes)):
             raise ArithmeticError(
-                f"time constant {time_constant:g} s to the power {self.order} leaves the range of "
-                "floating-point numbers: choose another unit of time"
+                f"time constant {time_constant:g} s to the power {self.family.order} leaves the "
+                "range of floating-point numbers: choose another unit of time"
             )
         late = self.delay if delay is None else delay
         waits = (Term(parts[2], self.wait),) if self.wait else ()
@@ -253,7 +219,7 @@ class Mismatch:
         if self.wait:
             off_zeros = sizes[1] * zeros + D * np.polyval(np.abs(self.zeros), omega)
             off_b = off_b + np.abs(self._lag(1j * omega)) * off_zeros
-        E, Nf = (rows(np.abs(table), omega) for table in (self._ahead, self.Nf))
+        E, Nf = (_rows(np.abs(table), omega) for table in (self._ahead, self.Nf))
         return np.asarray(ERROR * (off_a * E + off_b * Nf))
 
     def terms(
@@ -270,8 +236,7 @@ class Mismatch:
     def off_gain(self, omega: FloatArray, gain: float = 1.0) -> FloatArray:
         """Coefficients in λ, ascending, each frequency a column, of ``|a E|^2 - |b Nf/gain|^2``.
 
-        Its last root bounds the λ with ``|L| = gain``; the critical λ are among those of gain 1.
-        Two dead times are taken at their worst, so that the bound does not turn with them.
+        Its last root bounds the λ with ``|L| = gain``, two dead times taken at their worst.
         """
         (a, b, waits), (E, Nf) = self._apart(omega), self._tables(omega)
         ahead, behind = a * E, (np.abs(b) / gain + np.abs(waits)) * Nf
@@ -311,7 +276,7 @@ class Mismatch:
 
     def _tables(self, omega: FloatArray) -> tuple[ComplexArray, ComplexArray]:
         s = 1j * np.asarray(omega)
-        return rows(self._ahead, s), rows(self.Nf, s)
+        return _rows(self._ahead, s), _rows(self.Nf, s)
 
     # At the ends of the axis.
 
@@ -334,10 +299,7 @@ class Mismatch:
         return ahead, behind, waits
 
     def leading(self, *, lagging: bool = False) -> list[FloatArray]:
-        """Coefficients in λ, ascending, of the highest power of s in p_B of the three `terms`.
-
-        D may be multiplied by an additional lag, whose time constant is left out.
-        """
+        """Coefficients in λ, ascending, of the highest power of s in p_B of the three `terms`."""
         parts = [(self.E, self.a, lagging), (self.Nf, self.b, 0), (self.Nf, -self.waiting, lagging)]
         tables = [wide(table) for table, *_ in parts]
         degrees = [
@@ -348,3 +310,118 @@ class Mismatch:
             table[:, 0] * p[0] * (degree == max(degrees))
             for table, (_, p, _), degree in zip(tables, parts, degrees, strict=True)
         ]
+
+
+# Tables of a family: a row for each power of s, descending, or of λ in `Mismatch`.
+
+
+def _stable_member(family: FilterFamily) -> Any:
+    """Give one filter of the family that is stable, if there is one, as all should be."""
+    for time_constant in TRIED:
+        filter = family.at(time_constant)
+        if family.kind != OWN or count_rhp(QuasiPolynomial(filter.den[0][0])).count == 0:
+            break
+    return filter
+
+
+def _common_ramp(family: FilterFamily, wait: float) -> int:
+    """Count the zeros at s = 0 that Df - Nf exp(-θm s) has for every λ."""
+    if not wait:
+        return family.ramp
+    num, den = family.num, family.den
+    count = int(den.shape[0])
+    columns = max(num.shape[1], den.shape[1])
+    ahead, behind = (
+        np.pad(table[::-1], ((0, count - table.shape[0]), (columns - table.shape[1], 0)))
+        for table in (den, num)
+    )
+    lag = taylor(wait, count)
+    for k in range(count):
+        late = lag[k::-1] @ behind[: k + 1]
+        sizes = np.abs(ahead[k]) + np.abs(lag[k::-1]) @ np.abs(behind[: k + 1])
+        if np.any(np.abs(ahead[k] - late) > ROUNDING * sizes):
+            return k
+    return count
+
+
+def taylor(delay: float, count: int) -> FloatArray:
+    """First coefficients of the series of exp(-θs), ascending."""
+    return np.array([(-delay) ** k / factorial(k) for k in range(count)])
+
+
+def _without_shared(table: FloatArray, block: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Divide a family's polynomial and one of the model by what they share for every λ but s."""
+    model = QuasiPolynomial(block).without_origin
+    held = block.size - model.q.size
+    if model.q.size == 1 or np.array_equal(table, np.diag(np.diagonal(table))):
+        return table, block
+    typical = 1 / float(np.median(np.abs(model.roots)))
+    common = model
+    for share in GENERIC:
+        one = QuasiPolynomial(np.polyval(table.T, share * typical))
+        if not (common.degree and one.degree):
+            return table, block
+        common = shared_factor(common, one).common
+    if not common.degree:
+        return table, block
+    divided = [_divided(column, common.q) for column in table.T]
+    longest = max(column.size for column in divided)
+    columns = [np.pad(column, (longest - column.size, 0)) for column in divided]
+    return np.array(columns).T, np.append(_divided(model.q, common.q), np.zeros(held))
+
+
+def _divided(p: FloatArray, divisor: FloatArray) -> FloatArray:
+    """Divide a polynomial by a factor of it; roots at s = 0 stay exact."""
+    if not p.any():
+        return np.zeros(1)
+    zeros = QuasiPolynomial(p).zeros_at_origin
+    return np.append(np.polydiv(p[: p.size - zeros], divisor)[0], np.zeros(zeros))
+
+
+def _by_powers(*tables: FloatArray) -> list[FloatArray]:
+    """Turn tables to ascending powers of λ in rows, as many in all as are used."""
+    columns = max(table.shape[1] for table in tables)
+    wide = [np.pad(table, ((0, 0), (columns - table.shape[1], 0))).T[::-1] for table in tables]
+    used = np.flatnonzero(np.any([table.any(axis=1) for table in wide], axis=0))
+    return [table[used[0] : used[-1] + 1] for table in wide]
+
+
+def wide(table: FloatArray) -> FloatArray:
+    """Leave out the powers of s that no λ needs."""
+    used = np.flatnonzero(table.any(axis=0))
+    return table[:, used[0] :] if used.size else table[:, -1:]
+
+
+def _rows(table: FloatArray, s: Any) -> Any:
+    """Value of each row's polynomial, descending coefficients, at the same points."""
+    return np.polynomial.polynomial.polyval(s, table.T[::-1])
+
+
+def _exactly_on_axis(p: FloatArray, omega: FloatArray) -> ComplexArray:
+    """Values of a polynomial at jω, rounded but once: beside a root Horner's scheme loses them."""
+    found = []
+    for w in map(Fraction, omega.tolist()):
+        real, imag = Fraction(0), Fraction(0)
+        for c in p.tolist():
+            real, imag = Fraction(c) - imag * w, real * w
+        found.append(complex(real, imag))
+    return np.array(found)
+
+
+def summed(tables: list[FloatArray]) -> FloatArray:
+    """Add tables; what is only rounding is 0."""
+    total, size = sum(tables), sum(map(np.abs, tables))
+    return np.where(np.abs(total) <= ROUNDING * size, 0.0, total)
+
+
+def multiplied(of_process: FloatArray, of_model: FloatArray) -> FloatArray:
+    """Multiply a polynomial of the process by one of the model, within the range of floats."""
+    with np.errstate(over="ignore", under="ignore"):
+        product = np.convolve(of_process, of_model)
+    if not (np.isfinite(product).all() and product[0]):
+        raise ValueError(
+            "the coefficients of process and model are so large or so small that their product "
+            "leaves the range of floating-point numbers: divide numerator and denominator of each "
+            "block by its leading coefficient, or change the units"
+        )
+    return product

@@ -65,11 +65,10 @@ class Frequencies:
     def _far_crossings(self) -> tuple[float, float]:
         """Decades of ω below and above which a large R cannot bring λ(ω) to the real axis any more.
 
-        Where R ≈ c s^m is large, λ jω of size |c|^(1/n) ω^(m/n) may run along the imaginary axis
-        but for an angle of about (largest root)/ω, or ω/(smallest root) at low frequency.
+        Where R ≈ c s^m, λ jω may run along the imaginary axis but for an angle of (largest root)/ω.
         """
         mismatch = self.mismatch
-        n, speeds = mismatch.order, mismatch.speeds
+        n, speeds = mismatch.family.order, mismatch.speeds
         slowest, fastest = np.log10(speeds.min()), np.log10(speeds.max())
         first, last = slowest, fastest
         m, size = mismatch.excess, np.log10(abs(mismatch.b[0] / mismatch.a[0]))
@@ -83,11 +82,7 @@ class Frequencies:
 
     @cached_property
     def lowest_floor(self) -> float:
-        """Smallest time constant down to which sets are complete by default, in seconds.
-
-        0 without dead time. With a dead time θ: the λ above which every critical frequency lies
-        within the first 32 turns of exp(-jωθ), and at least θ/1000.
-        """
+        """Smallest time constant down to which sets are complete by default, in seconds."""
         mismatch = self.mismatch
         longest = mismatch.longest_delay
         if not longest:
@@ -139,10 +134,7 @@ class Frequencies:
         return highest
 
     def above(self, floor: float, gain: float = 1.0) -> FloatArray:
-        """Frequencies that hold every crossing for λ above a floor, none hidden between two.
-
-        With a gain, all at which L may be so large; ValueError if a dead time turns too often.
-        """
+        """Frequencies at which λ above a floor may be critical, or L as large as a gain."""
         omega = self.base
         longest = self.mismatch.longest_delay
         if not longest:

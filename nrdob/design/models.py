@@ -6,9 +6,7 @@ cannot be inverted. The candidates here differ from the process just there: zero
 plane are left out or mirrored, unstable poles are mirrored and the DC sign is chosen by parity,
 dead time is left out or replaced by a lag. Integrators are moved to the left, or kept: then they
 cancel inside (1 - F)·model, for which 1 - F needs as many zeros at s = 0, and one more if nothing
-is to be left of a constant input disturbance; beyond one that takes a ramp filter. Nothing is
-chosen silently: each candidate comes with the set of filters that stabilise it and the sensitivity
-peak to be had.
+is to be left of a constant input disturbance; beyond one that takes a ramp filter.
 """
 
 from __future__ import annotations
@@ -176,7 +174,7 @@ def _with_integrators(
 
 def _judged(process: Any, model: ct.TransferFunction, how: str, max_ms: float) -> ModelCandidate:
     """Try the lowest causal order and the next, and keep the better."""
-    lowest = Mismatch.of(process, model).order
+    lowest = Mismatch.of(process, model).family.order
     searches = [FilterSearch.of(process, model, n, max_ms) for n in (lowest, lowest + 1)]
     # Where one is faster the peak need not choose.
     best = min(search.promise for search in searches)
@@ -222,10 +220,7 @@ def _numerators(num: FloatArray) -> list[tuple[FloatArray, str]]:
 
 
 def _denominator(num: FloatArray, den: FloatArray, delay: float) -> tuple[FloatArray, str]:
-    """Denominator of the same leading coefficient, all of whose roots are in the left half plane.
-
-    To mirror a real pole turns the sign of the DC gain, which is what parity asks for.
-    """
+    """Denominator with all roots in the left half plane; mirrored poles have the parity needed."""
     right, axis = roots_by_side(den)
     if not right.size + axis.size:
         return den, ""

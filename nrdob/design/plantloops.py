@@ -53,10 +53,9 @@ class PlantLoops:
         return cls(mismatch, omega[noise < NOISE * size])
 
     def distances(self, time_constants: FloatArray, limit: float) -> tuple[FloatArray, FloatArray]:
-        """How near to -1 stable loops come, 1/Ms, both ends of the axis included.
+        """How near to -1 stable loops come, 1/Ms, and how far ln λ may surely change.
 
-        And by how much ln λ may change at least until ``|1 + L|`` falls or rises to the limit, at
-        the frequencies of the grid.
+        So far ``|1 + L|`` neither falls nor rises to the limit at the frequencies of the grid.
         """
         rows = max(1, AT_ONCE // self.omega.size)
         parts = [
@@ -91,9 +90,7 @@ class PlantLoops:
     def _beside_turns(self, time_constants: FloatArray) -> tuple[IntArray, FloatArray]:
         """Loops, (m,), and frequencies, (m, BESIDE), where L may hide a narrow resonance.
 
-        That is where 1 - F exp(-θm s) is small, before each whole turn of the model's dead time:
-        the faster the filter, the nearer to it and the narrower. There L is about R/(ε + jx), x the
-        phase in radians.
+        There 1 - F exp(-θm s) is small, before each whole turn of the model's dead time.
         """
         wait, k = self.mismatch.wait, time_constants.size
         if not wait:
@@ -118,16 +115,12 @@ class PlantLoops:
     def _distance_and_size(
         self, time_constants: FloatArray, omega: FloatArray
     ) -> tuple[FloatArray, FloatArray]:
-        """``|1 + L|`` and ``|L|``."""
-        L = self._gain(time_constants, omega)
-        return np.abs(1 + L), np.abs(L)
-
-    def _gain(self, time_constants: FloatArray, omega: FloatArray) -> ComplexArray:
-        """L at points (ω, λ); infinite at a pole."""
+        """``|1 + L|`` and ``|L|`` at points (ω, λ); infinite at a pole of L."""
         with np.errstate(all="ignore"):  # far beyond all speeds powers overflow, and L is 0
             ahead, behind, waits = self.mismatch.terms(omega, time_constants)
             L = behind / (ahead + waits if self.mismatch.wait else ahead)
-        return np.where(np.isfinite(L), L, inf + 0j)
+        L = np.where(np.isfinite(L), L, inf + 0j)
+        return np.abs(1 + L), np.abs(L)
 
     def at_infinity(self, time_constants: FloatArray) -> FloatArray:
         """Limit of ``|1 + L|`` at infinite frequency, with dead time at its worst."""
@@ -145,10 +138,9 @@ class PlantLoops:
             return np.abs(1 + np.nan_to_num(behind / (ahead + waits), nan=inf, neginf=inf))
 
     def at_poles(self, time_constants: FloatArray) -> FloatArray:
-        """Smallest ``|1 + L|`` beside poles of R on the axis.
+        """Smallest ``|1 + L|`` beside poles of R on the axis too narrow for the grid.
 
-        There L = ρ/(j(ω - ω0)) is a straight line through 0. It is looked at here where ``|ρ|`` is
-        so small that the frequencies of the grid are too far apart to show it.
+        There L = ρ/(j(ω - ω0)) is a straight line through 0.
         """
         distances = np.ones(time_constants.shape)
         _, D, Nm, _ = self.mismatch.factors
@@ -156,10 +148,9 @@ class PlantLoops:
         for root in axis[axis.imag > 0].tolist():
             with np.errstate(all="ignore"):
                 residue = self._residue(time_constants, root)
-            size = np.abs(residue)
-            narrow = (size > 0) & (size <= NARROW * abs(root))
-            with np.errstate(divide="ignore", invalid="ignore"):
+                size = np.abs(residue)
                 along = np.abs(residue.real) / size
+            narrow = (size > 0) & (size <= NARROW * abs(root))
             distances = np.where(narrow, np.minimum(distances, along), distances)
         return distances
 
@@ -194,9 +185,8 @@ def _lower(
 ) -> None:
     """Lower the smallest value of each loop to that between each `low` and `high`.
 
-    By looking ever more closely where it may still be lower: between three values of which the
-    middle one is lowest, a parabola and a kink lie below that by at most half of what they rise
-    from it. Where these hardly differ it is a parabola.
+    Ever more closely around the lowest of some values, until they lie on a parabola: this, and a
+    kink, is below the middle one by at most half of what the others rise from it.
     """
     share = np.linspace(0, 1, ACROSS)
     for _ in range(ZOOMS):

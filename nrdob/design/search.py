@@ -1,35 +1,44 @@
 r"""The fastest filter that meets a specification, judged on the loop that the plant feels.
 
-Among filters of different order "fastest" means the one that rejects most. At low frequency
-:math:`S_d = (1 - F)/(1 + FH)` is :math:`n\lambda s/R(0)`: what a constant disturbance leaves
-behind, and how far a ramp pulls the output away, is proportional to nλ, and R(0) is the same for
-every filter. So the smallest nλ wins; the bandwidth of F would flatter the high orders.
+Among filters of different order the fastest is the one that rejects most. At low frequency
+:math:`S_d = (1 - F)/(1 + FH)` is :math:`n\lambda s/R(0)`, with the same R(0) for every filter: so
+the smallest nλ wins.
 
 On the stabilising set it is computed how near plant loops come to -1 at many λ, and how far λ may
 change before one can reach the limit. Where two neighbours do not cover what lies between them,
-there is another λ in the middle.
+there is another λ in the middle. Of a family of plants only few decide: the fastest filter for some
+is tried on all, the one with the highest peak joins them, until none is too high.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
-from functools import cache, cached_property
+from functools import cache, cached_property, reduce
 from math import ceil, exp, inf, log, log10
 from typing import Any, NamedTuple
 
+import control as ct
 import numpy as np
 from scipy.optimize import brentq, elementwise
 
 from ..analysis import Margins, quotient_margins
-from ..diagram import FilterFamily, ObserverEquations, Quotient
-from ..numerics import BoolArray, FloatArray, IntArray, QuasiPolynomial, bisect, is_real
+from ..diagram import FilterFamily, LowPassFilter, ObserverEquations, real_number
+from ..numerics import BoolArray, FloatArray, IntArray, bisect
+from .existence import stabilizing_filter_exists
 from .mismatch import Mismatch
 from .mismatchgrid import Frequencies
 from .plantloops import PlantLoops
 from .timeconstants import intersection, stabilizing_set, stable_filters
 
-__all__ = ["Bracket", "FilterSearch", "admissible_time_constants", "checked_ms", "solved"]
+__all__ = [
+    "Bracket",
+    "FilterSearch",
+    "admissible_time_constants",
+    "checked_ms",
+    "design_filter",
+    "solved",
+]
 
 Interval = tuple[float, float]
 
@@ -43,6 +52,9 @@ FEW = 1500  # frequencies at which all λ may be tried without asking which are 
 BEFORE = 0.8  # from where dead times are followed farther, against the first λ that may be left
 BESIDE = 1e-8  # how well an end is known, in ln λ, where it need not be known better
 ROUNDING = (0.0, 1e-12, 1e-11, 1e-10, 1e-9, 1e-8)  # steps inwards from an end, in ln λ
+EXTRA_ORDERS = 2  # how many orders above the lowest causal one are tried where none is asked for
+MET = 1e-6  # by how much Ms of a plant that decides may exceed the limit, relatively
+MOST = 60  # plants that may decide
 
 
 def admissible_time_constants(
@@ -89,14 +101,13 @@ def admissible_time_constants(
 
 def checked_ms(max_ms: Any) -> float:
     """Return a limit of the sensitivity peak, or refuse it."""
-    if not is_real(max_ms):
-        raise TypeError(f"max_ms is {max_ms!r}; give a real number, for example 1.7")
-    if not 1 < float(max_ms) < inf:
+    limit = real_number(max_ms, "max_ms", "give a real number, for example 1.7")
+    if not 1 < limit < inf:
         raise ValueError(
             f"max_ms is {max_ms}; |S_d| tends to 1 at high frequency, so its peak cannot be held "
             "to 1 or less: give a number above 1, for example 1.7"
         )
-    return float(max_ms)
+    return limit
 
 
 class Bracket(NamedTuple):
@@ -126,7 +137,7 @@ class FilterSearch:
     @classmethod
     def of(cls, process: Any, model: Any, order: int | FilterFamily, max_ms: float) -> FilterSearch:
         """Find the stabilising set, in which it will be seen where the specification is met."""
-        found = Frequencies(Mismatch.of(process, model, order, waits=True))
+        found = Frequencies(Mismatch.of(process, model, order))
         family = found.mismatch.family
         intervals = stabilizing_set(found, found.lowest_floor)
         intervals = intersection(intervals, stable_filters(family))
@@ -134,10 +145,8 @@ class FilterSearch:
 
     def plant_loop(self, time_constant: float) -> Margins:
         """Exact margins of L with a λ of the stabilising set."""
-        return quotient_margins(self._loop(self.family.at(time_constant)).L, True)
-
-    def _loop(self, filter: Any) -> ObserverEquations:
-        return ObserverEquations(self.process, self.model, filter)
+        loop = ObserverEquations(self.process, self.model, self.family.at(time_constant))
+        return quotient_margins(loop.L, True)
 
     @cached_property
     def slack(self) -> Callable[[float], float]:
@@ -164,23 +173,8 @@ class FilterSearch:
 
     @property
     def promise(self) -> float:
-        """Sluggishness of the fastest filter not excluded: 0 if all fast ones do, inf for none."""
-        if self.all_fast_ones_do or self.first == inf:
-            return 0.0 if self.all_fast_ones_do else inf
-        return self.sluggishness(self.family.at(self.first))
-
-    def sluggishness(self, filter: Any) -> float:
-        r"""Time in which the loop rejects, in seconds: the smaller, the more it rejects.
-
-        At low frequency :math:`S_d \to (1 - F)/R = c\,s^k`, and :math:`c^{1/k}` is one over the
-        frequency at which that line reaches 1: nλ/R(0) for eq. (1), comparable for all ramps.
-        """
-        S = self._loop(filter).S_d
-        k = S.zeros_at_origin
-        if k <= 0:
-            return inf
-        power = QuasiPolynomial(np.append(1.0, np.zeros(k)))
-        return float(abs(Quotient(S.num, (*S.den, power)).dc_gain) ** (1 / k))
+        """Least nλ that is not excluded: 0 if all fast filters do, inf for none."""
+        return 0.0 if self.all_fast_ones_do else self.family.order * self.first
 
     @cached_property
     def admissible(self) -> list[Interval]:
@@ -210,15 +204,15 @@ class FilterSearch:
         """Distances all over the stabilising set, dead times followed as far as it takes."""
         slowest, gain = self.intervals[0][0], (1 - 1 / self.max_ms) / SHORT
         if not self.frequencies.mismatch.longest_delay:
-            return self._scanned(PlantLoops.above(self.frequencies, slowest), self.intervals)
+            return Scan.of(PlantLoops.above(self.frequencies, slowest), self.max_ms, self.intervals)
         try:
             loops = PlantLoops.above(self.frequencies, slowest, gain)
             if loops.omega.size <= FEW:
-                return self._scanned(loops, self.intervals)
+                return Scan.of(loops, self.max_ms, self.intervals)
         except ValueError:  # dead times would have to be followed too far
             pass
         # How far they must be depends on the fastest filter that an unstable loop's gains leave.
-        scan = self._scanned(PlantLoops.above(self.frequencies, slowest), self.intervals)
+        scan = Scan.of(PlantLoops.above(self.frequencies, slowest), self.max_ms, self.intervals)
         if not scan.windows:
             return scan
         bracket, _ = scan.windows[0]
@@ -227,20 +221,16 @@ class FilterSearch:
             low, gain = scan.solved(bracket), gain * SHORT**2
         left = [(max(low, a), b) for a, b in self.intervals if b > low]
         try:
-            return self._scanned(PlantLoops.above(self.frequencies, low or slowest, gain), left)
+            return Scan.of(
+                PlantLoops.above(self.frequencies, low or slowest, gain), self.max_ms, left
+            )
         except ValueError as refusal:
             raise ValueError(f"max_ms is {self.max_ms}, too close to 1: {refusal}") from refusal
-
-    def _scanned(self, loops: PlantLoops, intervals: list[Interval]) -> Scan:
-        return Scan.of(loops, self.max_ms, intervals)
 
 
 @dataclass(frozen=True, eq=False)
 class Scan:
-    """Where the slack ln(1/Ms) - ln(1/limit) is positive, from samples that cover the intervals.
-
-    `x` is ln λ, `slack` the slack there, `part` the number of the interval in which each lies.
-    """
+    """Samples of ln λ, x, and the slack ln(limit/Ms), in the intervals with the numbers `part`."""
 
     loops: PlantLoops
     max_ms: float
@@ -379,3 +369,152 @@ def solved(slack: Callable[[float], float], bracket: Bracket) -> float | None:
     way = 1.0 if good > bad else -1.0
     near = (exp(found + way * x) for x in ROUNDING)
     return next((value for value in near if slack(value) >= 0), inside)
+
+
+# The fastest filter with one plant, or with the worst of a family.
+
+
+def design_filter(
+    process: Any, model: Any, *, max_ms: float, order: int | FilterFamily | None = None
+) -> LowPassFilter | ct.TransferFunction:
+    r"""Find the filter that rejects most with a limited peak of the sensitivity.
+
+    Of one order that is the smallest λ. Orders are compared by nλ, the slope of the filter's part
+    in S_d at low frequency, which says what a slow disturbance leaves behind.
+
+    Parameters
+    ----------
+    process : as for `nrdob.NRDOB`, or PlantFamily
+        G, with or without dead time. Of a `nrdob.plant_family` every member must meet the
+        specification.
+    model : as for `nrdob.NRDOB`
+        G̃, with or without dead time.
+    max_ms : float
+        Largest allowed peak of ``|S_d| = |1/(1 + L)|``, above 1: margins of L = F·R/(1 - F),
+        R = G/G̃, are what a change of the plant uses up, those of F·H are not. It leaves a gain
+        margin of Ms/(Ms - 1) and a phase margin of 2 asin(1/(2 Ms)): 2 and 29° for Ms = 2.
+    order : int or FilterFamily, optional
+        Order or family of the filter. By default the lowest causal order and the next two are
+        compared.
+
+    Returns
+    -------
+    LowPassFilter, or control.TransferFunction of another family
+        The one of smallest nλ. Of several plants it is proved for these, not for what lies
+        between.
+
+    Raises
+    ------
+    TypeError, ValueError
+        If a block, the order or the limit cannot be; if no filter stabilises the loop, or none
+        meets the limit (the message gives the best that can be had, or the plants that exclude each
+        other); or if every filter does, however fast, so that noise alone must choose.
+
+    See Also
+    --------
+    admissible_time_constants : all time constants of one order that meet it.
+
+    Examples
+    --------
+    Example 2 of the paper, a zero in the right half plane, and if its gain is uncertain:
+
+    >>> import control as ct
+    >>> s = ct.tf('s')
+    >>> G, Gm = 0.1*(100 - s)/(s + 2), 10/(s + 2)
+    >>> round(design_filter(G, Gm, order=2, max_ms=1.6).time_constant, 5)
+    0.01708
+    >>> import nrdob
+    >>> plants = nrdob.plant_family(G, gain=(0.7, 1.5), grid=2)
+    >>> round(design_filter(plants, Gm, order=2, max_ms=1.6).time_constant, 5)
+    0.02942
+    """
+    limit = checked_ms(max_ms)
+    plants: Any = process if hasattr(process, "peaks") else [process]
+    first = plants[0]
+    orders: Iterable[Any] = (order,)
+    if order is None:
+        lowest = Mismatch.of(first, model).family.order
+        orders = range(lowest, lowest + EXTRA_ORDERS + 1)
+    searches = sorted(
+        (FilterSearch.of(first, model, n, limit) for n in orders), key=lambda each: each.promise
+    )
+    deciding, best, slowness = [0], None, inf
+    for search in searches:
+        if search.promise > slowness:
+            break
+        found = _fastest(search, plants, deciding)
+        if found is not None and search.family.order * found < slowness:
+            best, slowness = search.family.at(found), search.family.order * found
+    if best is None:
+        raise ValueError(_refusal(searches, deciding))
+    return best
+
+
+def _fastest(search: FilterSearch, plants: Any, deciding: list[int]) -> float | None:
+    """Find the smallest λ of one order or family; plants that decide are added to the list."""
+
+    @cache
+    def admissible(k: int) -> list[tuple[float, float]]:
+        if not k:
+            return search.admissible
+        each = FilterSearch.of(plants[k], search.model, search.family, search.max_ms)
+        return each.admissible
+
+    while True:
+        windows = reduce(intersection, map(admissible, deciding))
+        if not windows:
+            return None
+        low, high = windows[0]
+        however_fast = low == search.intervals[0][0]
+        value = low
+        if however_fast:  # much faster than the plant, or beside the floor
+            speed = float(search.frequencies.mismatch.speeds.max())
+            value = low * (1 + MET) or 1e-3 * min(high, 1 / speed)
+        filter = search.family.at(value)
+        peaks = plants.peaks(search.model, filter) if len(plants) > 1 else np.ones(1)
+        k = int(peaks.argmax())
+        if peaks[k] <= search.max_ms * (1 + MET) or k in deciding:
+            if however_fast:
+                looked_at = f" (looked at down to {low:.3g} s)" if low else ""
+                raise ValueError(
+                    f"Ms ≤ {search.max_ms:g} is met by every filter of {_named(search.family)}, "
+                    f"however fast{looked_at}; let the noise choose, for example by the largest "
+                    "|U_eta| that the actuator allows"
+                )
+            return value
+        deciding.append(k)
+        if len(deciding) > MOST:
+            raise ValueError(f"over {MOST} plants would decide; give a smaller family")
+
+
+def _named(family: FilterFamily) -> str:
+    whose = "" if family.is_binomial else f"the {family.kind} family of "
+    return f"{whose}order {family.order}"
+
+
+def _refusal(searches: list[FilterSearch], deciding: list[int]) -> str:
+    """Say why there is no filter, and what comes closest."""
+    first = searches[0]
+    orders = " or ".join(str(n) for n in sorted(search.family.order for search in searches))
+    names = f"order {orders}" if first.family.is_binomial else _named(first.family)
+    if len(deciding) > 1:
+        return (
+            f"no filter of {names} meets Ms ≤ {first.max_ms:g} with every plant: members "
+            f"{', '.join(map(str, deciding))} exclude each other; relax the specification, or "
+            "choose another model"
+        )
+    stable = [search for search in searches if search.intervals]
+    if not stable:
+        answer = stabilizing_filter_exists(first.process, first.model)
+        reason = "" if answer.holds else f" ({answer.reason})"
+        return f"no filter of {names} stabilises the loop{reason}: choose another model"
+    search = min(stable, key=lambda search: search.closest[1].ms)
+    time_constant, best = search.closest
+    binomial = search.family.is_binomial
+    which = f"n = {search.family.order}" if binomial else _named(search.family)
+    return (
+        f"no filter of {names} meets Ms ≤ {search.max_ms:g}; closest comes λ = "
+        f"{time_constant:.4g} s, {which}, with Ms = {best.ms:.4g}, "
+        f"GM = {abs(best.gm_db):.4g} dB, PM = {best.pm:.4g}°: relax the specification or choose "
+        "another model"
+    )

@@ -8,14 +8,14 @@ does not change; it is counted there by the argument of p_B, which knows nothing
 from __future__ import annotations
 
 from itertools import pairwise
-from math import atan, inf, isfinite
+from math import inf, isfinite
 from typing import Any
 
 import numpy as np
 
-from ..diagram import FilterFamily, undelayed
+from ..diagram import FilterFamily, real_number, undelayed
 from ..digital import process_in_w
-from ..numerics import count_rhp, is_real
+from ..numerics import count_rhp
 from .crossings import CriticalTimeConstant, crossings
 from .mismatch import Mismatch
 from .mismatchgrid import Frequencies
@@ -38,8 +38,6 @@ def critical_time_constants(
     order: int | FilterFamily,
     *,
     floor: float | None = None,
-    dt: float | None = None,
-    computation_delay: float = 0.0,
 ) -> list[CriticalTimeConstant]:
     r"""Find every time constant λ at which the observer loop has a root on the imaginary axis.
 
@@ -54,8 +52,6 @@ def critical_time_constants(
         accumulate at 0 and the list must end somewhere: by default where every critical frequency
         above lies within 32 turns of exp(-jωθ), and not below θ/1000. Where none is left in p_B,
         as with a model that is the process, the default is 0, and the list is complete.
-    dt, computation_delay : float
-        For a processor, in seconds, see `stabilizing_time_constants`.
 
     Returns
     -------
@@ -78,12 +74,8 @@ def critical_time_constants(
     >>> round(critical.time_constant, 9), round(critical.frequency, 3), critical.direction
     (0.005, 200.0, -1)
     """
-    frequencies = _frequencies(process, model, order, dt, computation_delay)
-    floor = _checked_floor(frequencies, floor)
-    found = _crossings(frequencies, floor)
-    if dt is None:
-        return found
-    return [c._replace(frequency=2 / dt * atan(c.frequency * dt / 2)) for c in found]
+    frequencies = Frequencies(Mismatch.of(process, model, order))
+    return _crossings(frequencies, _checked_floor(frequencies, floor))
 
 
 def stabilizing_time_constants(
@@ -139,15 +131,6 @@ def stabilizing_time_constants(
     >>> low, round(high, 6)
     (0.0, 0.763932)
     """
-    frequencies = _frequencies(process, model, order, dt, computation_delay)
-    found = stabilizing_set(frequencies, _checked_floor(frequencies, floor))
-    return intersection(found, stable_filters(frequencies.mismatch.family)) if found else found
-
-
-def _frequencies(
-    process: Any, model: Any, order: int | FilterFamily, dt: float | None, computation_delay: float
-) -> Frequencies:
-    """Read the blocks, the process behind a hold where there is a sampling time."""
     if dt is not None:
         process = process_in_w(process, dt, computation_delay, model)
         model, _ = undelayed(model)
@@ -156,14 +139,15 @@ def _frequencies(
             "computation_delay belongs to a processor: give its sampling time dt, too, or multiply "
             "the process by nrdob.delay(computation_delay)"
         )
-    return Frequencies(Mismatch.of(process, model, order, waits=True))
+    frequencies = Frequencies(Mismatch.of(process, model, order))
+    found = stabilizing_set(frequencies, _checked_floor(frequencies, floor))
+    return intersection(found, stable_filters(frequencies.mismatch.family)) if found else found
 
 
 def stabilizing_set(frequencies: Frequencies, floor: float) -> list[tuple[float, float]]:
     """Find the set of `stabilizing_time_constants` above a floor, or above the lowest one."""
-    mismatch = frequencies.mismatch
     intervals, changes = _intervals(floor, _crossings(frequencies, floor))
-    counts = _counts(mismatch, intervals, changes)
+    counts = _counts(frequencies.mismatch, intervals, changes)
     return [part for part, count in zip(intervals, counts, strict=True) if count == 0]
 
 
@@ -197,24 +181,18 @@ def _checked_floor(frequencies: Frequencies, floor: float | None) -> float:
     """Return the floor asked for, or the default; an error for one that cannot be."""
     if floor is None:
         return 0.0 if _matched(frequencies) else frequencies.lowest_floor
-    if not is_real(floor):
-        raise TypeError(
-            f"floor is {floor!r}; it is the smallest time constant of interest, a number of "
-            "seconds, or None"
-        )
+    remedy = "it is the smallest time constant of interest, in seconds, or None"
+    floor = real_number(floor, "floor", remedy)
     if not (isfinite(floor) and floor > 0):
-        raise ValueError(
-            f"floor is {floor}; it is the smallest time constant of interest, in seconds: "
-            "positive and finite, or None"
-        )
-    mismatch = frequencies.mismatch
+        raise ValueError(f"floor is {floor}; {remedy}: it must be positive and finite")
     if floor <= frequencies.neutral_limit:
         raise ValueError(
-            f"floor is {floor:g} s, but with dead time and order {mismatch.order} every time "
-            f"constant up to {frequencies.neutral_limit:.6g} s leaves infinitely many roots in the "
-            "right half plane: choose a larger floor, or a higher order"
+            f"floor is {floor:g} s, but with dead time and order "
+            f"{frequencies.mismatch.family.order} every time constant up to "
+            f"{frequencies.neutral_limit:.6g} s leaves infinitely many roots in the right half "
+            "plane: choose a larger floor, or a higher order"
         )
-    return float(floor)
+    return floor
 
 
 def _intervals(
@@ -235,8 +213,7 @@ def _counts(
 ) -> list[float | None]:
     """Count the roots in the right half plane in each interval; None where they cannot be.
 
-    The crossings carry one count through all intervals. It is counted again by the argument at
-    both ends, and wherever it is said to be 0.
+    The crossings carry a count from one to the next; wherever that is 0 the argument must agree.
     """
     counted: dict[int, float | None] = {}
     for start in reversed(range(len(intervals))):

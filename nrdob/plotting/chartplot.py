@@ -73,8 +73,7 @@ def chart_plot(chart: Any, *, title: str = "", ax: Any = None) -> Figure:
 
 
 def _many(region: Any) -> str:
-    told = "∞" if region.count == np.inf else f"{region.count:g}"
-    return told if region.exact else f"≥ {told}"
+    return "∞" if region.count == np.inf else f"{region.count:g}"
 
 
 def _alt(chart: Any) -> str:

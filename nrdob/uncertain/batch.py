@@ -1,22 +1,24 @@
 r"""Many plants as arrays of coefficients, and condition ii of Lemma 1 for all, certified.
 
-Plants of the same degrees stand together; what no array can hold (an improper plant, one whose
-coefficients are no numbers) is left to be looked at by itself. Model, filter and controller are the
-same for all of them, so that condition i is judged once, and
+Model, filter and controller are the same for all plants, so that condition i is judged once, and
 
 .. math:: p_B = D\,(N_m' E) + N\,(D_m' N_f')\,e^{-\theta s}
 
-is a sum of two products with fixed polynomials. Without dead time it is Routh's test that decides,
-with dead time, or where a sign in Routh's array is not certain, the argument along the axis. Both
-allow the coefficients to be off by what `nrdob.numerics` calls rounding: what is so close to the
-border that this matters is left to `nrdob.NRDOB.stability`.
+is a sum of two products with fixed polynomials, in an array for plants of the same degrees. Without
+dead time Routh's test decides; with it, or where a sign in Routh's array is not certain, the
+argument along the axis. What is within rounding of the border is left to `nrdob.NRDOB.stability`.
+
+For Ms all plants are looked at on the same frequencies, and each on frequencies of its own where
+around the stretch between two of them a factor of L, or 1 + L, may have a root, or a dead time
+turns it far. Closest points to -1 are solved for, all together. A plant that would need too many
+frequencies is left to `nrdob.analysis.margins`.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 from functools import cached_property
-from math import prod
+from math import pi, prod
 from typing import Any, NamedTuple
 
 import control as ct
@@ -37,17 +39,28 @@ from ..numerics import (
     IntArray,
     ManyTerms,
     QuasiPolynomial,
+    bisect,
     convolved,
+    frequency_range,
     hurwitz,
     multiply,
     padded_sum,
     rhp_counts,
     values_and_slopes,
+    zero_free,
 )
 
-__all__ = ["SLAB", "Feedback", "Moving", "PlantBatch", "moving"]
+__all__ = ["SLAB", "Feedback", "PlantBatch", "batch_peaks"]
 
 SLAB = 500  # plants looked at together: what they need fits into the cache
+
+PER_OCTAVE, AT_MOST = 8, 400  # frequencies of an octave that all plants share, and all at most
+CLEAR = 2.0  # around each stretch nothing may vanish on a disc so many times as wide
+ROUNDS, OWN = 25, 400  # how often stretches are halved, and how many a plant may have
+RADIANS = 0.5  # how far a dead time may turn L from one frequency to the next
+SMALL = 1e-3  # size of L below which that is no matter
+SHALLOW = 2.7  # minima of ``|1 + L|²`` so many times above the least are left out
+WITHIN = 1e-10  # how well a frequency is to be known, relatively
 
 
 class PlantBatch(NamedTuple):
@@ -57,22 +70,18 @@ class PlantBatch(NamedTuple):
     den: FloatArray
     delay: FloatArray
 
-    @property
-    def regular(self) -> BoolArray:
-        """Which can be computed with together: all numbers finite, nothing negative or zero."""
-        finite = np.isfinite(self.num).all(axis=0) & np.isfinite(self.den).all(axis=0)
-        causal = np.isfinite(self.delay) & (self.delay >= 0)
-        return np.asarray(finite & causal & self.num.any(axis=0) & self.den.any(axis=0))
-
     def of(self, chosen: IntArray) -> PlantBatch:
         """Take the columns of these numbers."""
         return PlantBatch(self.num[:, chosen], self.den[:, chosen], self.delay[chosen])
 
     def groups(self) -> Iterator[tuple[IntArray, PlantBatch]]:
-        """Regular, proper plants by degrees, with or without dead time: which, and they alone."""
+        """Proper plants of finite numbers by degrees, and with or without dead time: which."""
+        finite = np.isfinite(self.num).all(axis=0) & np.isfinite(self.den).all(axis=0)
+        causal = np.isfinite(self.delay) & (self.delay >= 0)
         num, den = (np.argmax(c != 0, axis=0) for c in (self.num, self.den))
         proper = self.den.shape[0] - den >= self.num.shape[0] - num
-        usable = np.flatnonzero(self.regular & proper)
+        given = self.num.any(axis=0) & self.den.any(axis=0)
+        usable = np.flatnonzero(finite & causal & given & proper)
         key = np.stack([num[usable], den[usable], self.delay[usable] > 0])
         for kind in np.unique(key, axis=1).T:
             chosen = usable[(key == kind[:, None]).all(axis=0)]
@@ -106,38 +115,6 @@ def _read(block: Any) -> tuple[tuple[FloatArray, FloatArray], float]:
     return as_fraction(prompt, "the plant", proper=False), delay
 
 
-class Moving(NamedTuple):
-    """A polynomial whose roots move, each by a factor of its own, and pairs together.
-
-    Fixed are roots at s = 0 and the first coefficient that is not 0; of a pair there is the root
-    with positive imaginary part.
-    """
-
-    fixed: FloatArray
-    roots: ComplexArray
-
-    def moved(self, factors: list[FloatArray]) -> FloatArray:
-        """Multiply every root by its factor, (n,) each; the value, or slope, at s = 0 remains."""
-        product = self.fixed[:, None]
-        for root, factor in zip(self.roots.tolist(), factors, strict=True):
-            one = np.ones_like(factor)
-            if root.imag:
-                size = abs(root) * factor
-                rows = [size**-2, -2 * (root.real / abs(root)) / size, one]
-            else:
-                rows = [-1 / (root.real * factor), one]
-            product = convolved(product, np.array(rows))
-        return product
-
-
-def moving(p: FloatArray) -> Moving:
-    """Take a polynomial, descending coefficients, apart into its roots and what remains."""
-    used = np.flatnonzero(p)[-1] + 1
-    fixed = np.append(p[used - 1], np.zeros(p.size - used))
-    roots = np.roots(p[:used]).astype(complex)
-    return Moving(fixed, roots[roots.imag >= 0])
-
-
 class Feedback:
     """All of a loop that does not depend on the plant."""
 
@@ -147,26 +124,20 @@ class Feedback:
         self.poles = (built.E, built.Nm)
         self.numerator = multiply(*self.zeros)
         self.denominator = multiply(*self.poles)
+        # Of what is multiplied with denominator and numerator of the plant.
+        self.sizes = [
+            multiply(*(QuasiPolynomial(p.scale) for p in part)).q
+            for part in (self.poles, self.zeros)
+        ]
 
     @cached_property
-    def delayed(self) -> bool:
-        """Whether the model has a dead time."""
-        return self.denominator.delay > 0
-
-    @cached_property
-    def zeros_at_origin(self) -> int:
-        """Power of s in K; negative for poles."""
-        power = sum(factor.zeros_at_origin for factor in self.zeros)
-        return power - sum(factor.zeros_at_origin for factor in self.poles)
-
-    @cached_property
-    def level(self) -> float:
-        """K without that power of s, at s = 0."""
-        zeros, poles = (
-            prod(factor.without_origin.constant for factor in factors)
-            for factors in (self.zeros, self.poles)
+    def lowest(self) -> tuple[float, int]:
+        """Value and power of s that K tends to at s = 0."""
+        (zeros, power), (poles, order) = (
+            (prod(p.without_origin.constant for p in part), sum(p.zeros_at_origin for p in part))
+            for part in (self.zeros, self.poles)
         )
-        return zeros / poles
+        return zeros / poles, power - order
 
     def gain_and_slope(self, omega: FloatArray) -> tuple[ComplexArray, ComplexArray]:
         """Evaluate K(jω), and dK/ds over K there."""
@@ -184,12 +155,12 @@ class Feedback:
     def characteristic(self, plants: PlantBatch) -> tuple[list[ManyTerms], FloatArray]:
         """Terms of p_B, and for each power of s the size of what is summed."""
         products = [
-            (convolved(plants.den, _column(p)), np.full(1, delay))
+            (convolved(plants.den, p[:, None]), np.full(1, delay))
             for p, delay in self.denominator.terms
         ]
-        late = convolved(plants.num, _column(self.numerator.q))
-        size = convolved(np.abs(plants.den), _column(self._sizes[0]))
-        scale = padded_sum(size, convolved(np.abs(plants.num), _column(self._sizes[1])))
+        late = convolved(plants.num, self.numerator.q[:, None])
+        size = convolved(np.abs(plants.den), self.sizes[0][:, None])
+        scale = padded_sum(size, convolved(np.abs(plants.num), self.sizes[1][:, None]))
         if not plants.delay.any():
             (prompt, none), *others = products
             products = [(padded_sum(prompt, late), none), *others]
@@ -197,27 +168,16 @@ class Feedback:
             products.append((late, plants.delay))
         return [ManyTerms(q, delay) for q, delay in products], scale
 
-    @cached_property
-    def _sizes(self) -> tuple[FloatArray, FloatArray]:
-        """Sizes of what is multiplied with denominator and numerator of the plant."""
-        first, second = (
-            multiply(*(QuasiPolynomial(p.scale) for p in factors)).q
-            for factors in (self.poles, self.zeros)
-        )
-        return first, second
-
     def verdicts(self, plants: PlantBatch) -> tuple[BoolArray, BoolArray]:
         """Tell for which plants of one degree p_B is certainly stable, and unstable."""
         terms, scale = self.characteristic(plants)
-        n = scale.shape[1]
         q = terms[0].q
+        stable, unstable = np.zeros((2, scale.shape[1]), dtype=bool)
         # Advanced or ill-posed, or an integrator of a delayed model cancels: not for arrays.
         if q.shape[0] < scale.shape[0] or self.denominator.divided:
-            return np.zeros(n, dtype=bool), np.zeros(n, dtype=bool)
+            return stable, unstable
         if len(terms) == 1:
             stable, unstable = hurwitz(q, ROUNDING * scale)
-        else:
-            stable, unstable = np.zeros(n, dtype=bool), np.zeros(n, dtype=bool)
         well_posed = np.abs(q[0]) > ROUNDING * scale[0]
         unstable |= well_posed & (np.sum([term.q[-1] != 0 for term in terms], axis=0) == 0)
         unsure = np.flatnonzero(~(stable | unstable))
@@ -228,5 +188,193 @@ class Feedback:
         return stable, unstable
 
 
-def _column(p: FloatArray) -> FloatArray:
-    return p[:, None]
+# Sensitivity peaks of stable loops, without any frequency between two of which something resonates.
+
+
+def batch_peaks(feedback: Feedback, plants: PlantBatch) -> tuple[FloatArray, BoolArray]:
+    """Compute Ms (n,) of stable loops of one kind, and tell which are to be trusted."""
+    loops = _Loops(feedback, plants)
+    with np.errstate(all="ignore"):  # what is not finite is looked at again
+        shared, clear, own, trusted = _frequencies(loops)
+        distance = np.minimum(_between(loops, shared, clear, own), _at_ends(loops))
+    trusted &= ~np.isnan(distance)
+    if loops.late:
+        trusted &= distance < 1 - 2 * SMALL
+    return 1 / distance, trusted
+
+
+class _Motion(NamedTuple):
+    """L(jω), and its derivative with respect to log ω, divided by L."""
+
+    L: ComplexArray
+    slope: ComplexArray
+
+    @property
+    def retreat(self) -> FloatArray:
+        """Positive where L moves away from -1 with growing frequency."""
+        return np.asarray((self.slope * self.L * (1 + self.L).conj()).real)
+
+    @property
+    def distance(self) -> FloatArray:
+        """Square of the distance from -1."""
+        return np.asarray((1 + self.L.real) ** 2 + self.L.imag**2)
+
+
+class _Stretches(NamedTuple):
+    """Stretches of frequency, each of one loop."""
+
+    loop: IntArray
+    low: FloatArray
+    high: FloatArray
+
+    def of(self, chosen: BoolArray | IntArray) -> _Stretches:
+        return _Stretches(self.loop[chosen], self.low[chosen], self.high[chosen])
+
+    def joined(self, *others: _Stretches) -> _Stretches:
+        loop, low, high = map(np.concatenate, zip(self, *others, strict=True))
+        return _Stretches(loop, low, high)
+
+    def halved(self) -> _Stretches:
+        middle = np.sqrt(self.low * self.high)
+        return self._replace(high=middle).joined(self._replace(low=middle))
+
+
+class _Loops:
+    """Plant loops on the imaginary axis."""
+
+    def __init__(self, feedback: Feedback, plants: PlantBatch) -> None:
+        self.feedback, self.plants = feedback, plants
+        self.count = plants.delay.size
+        self.late = bool(plants.delay.any())
+        # What may vanish: p_B, numerators and denominators of the plants, factors of K.
+        found = [feedback.characteristic(plants)]
+        for part in (plants.num, plants.den):
+            found.append(([ManyTerms(part, np.zeros(1))], np.abs(part)))
+        for each in (*feedback.zeros, *feedback.poles):
+            # One that vanishes at s = 0 is not divided by s: no stretch begins there.
+            p = each if each.without_origin.divided else each.without_origin
+            terms = [ManyTerms(q[:, None], np.full(1, delay)) for q, delay in p.terms]
+            found.append((terms, p.scale[:, None]))
+        self.factors = [factor for factor in found if factor[1].shape[0] > 1]
+
+    def motion(self, omega: FloatArray, of: PlantBatch) -> _Motion:
+        """Evaluate L(jω) and how it moves."""
+        d, dd = values_and_slopes(of.den, omega)
+        n, dn = values_and_slopes(of.num, omega)
+        value, slope = n / d, -dd / d
+        if of.num.shape[0] > 1:
+            slope += dn / n
+        if self.late:
+            value, slope = value * np.exp(-1j * (of.delay * omega)), slope - of.delay
+        gain, its_slope = self.feedback.gain_and_slope(omega)
+        return _Motion(value * gain, 1j * omega * (slope + its_slope))
+
+    def across(self) -> PlantBatch:
+        """Return the plants with an axis for frequencies."""
+        num, den, delay = self.plants
+        return PlantBatch(num[:, :, None], den[:, :, None], delay[:, None])
+
+
+def _frequencies(loops: _Loops) -> tuple[FloatArray, BoolArray, _Stretches, BoolArray]:
+    """Choose frequencies that all share, and stretches of their own where those are not clear.
+
+    Returned are also between which of them which loops are clear, and which can be trusted.
+    """
+    low, high = 1.0, 1.0
+    ranges = [frequency_range(*factor) for factor in loops.factors]
+    if ranges:
+        lows, highs = (np.concatenate([each[k] for each in ranges]) for k in (0, 1))
+        low = float(lows[np.isfinite(lows) & (lows > 0)].min(initial=1e300))
+        high = float(highs[np.isfinite(highs)].max(initial=low))
+    count = int(np.clip(PER_OCTAVE * np.log2(high / low), 1, AT_MOST))
+    omega = np.geomspace(low, high, count + 1)
+    clear = _clear(loops, omega[:-1], omega[1:])
+    loop, k = np.nonzero(~clear)
+    doubtful = _Stretches(loop, omega[k], omega[k + 1])
+    kept: list[_Stretches] = []
+    trusted = np.ones(loops.count, dtype=bool)
+    own = np.zeros(loops.count, dtype=int)
+    for _ in range(ROUNDS):
+        if not doubtful.loop.size:
+            break
+        halves = doubtful.halved()
+        alone = _clear(loops, halves.low, halves.high, halves.loop)
+        kept.append(halves.of(alone))
+        doubtful = halves.of(~alone)
+        own += np.bincount(halves.loop, minlength=loops.count)
+        trusted &= own <= OWN
+        doubtful = doubtful.of(trusted[doubtful.loop])
+    trusted[doubtful.loop] = False
+    none = _Stretches(np.empty(0, dtype=np.intp), np.empty(0), np.empty(0))
+    # Beyond all roots little happens, but a size may still pass 1, and a phase creep to the axis.
+    end = omega[-1] + 4 * pi / loops.plants.delay.max() if loops.late else 1e8 * omega[-1]
+    below = omega[0] * np.geomspace(1e-8, 0.8, 12)
+    above = np.geomspace(omega[-1], end, 17)[1:]
+    clear = np.pad(clear, ((0, 0), (below.size, above.size)), constant_values=True)
+    return np.concatenate([below, omega, above]), clear, none.joined(*kept), trusted
+
+
+def _clear(
+    loops: _Loops, left: FloatArray, right: FloatArray, loop: IntArray | None = None
+) -> BoolArray:
+    """Tell on which stretches all loops, or one loop on each, have nothing to hide."""
+    centre, radius = (left + right) / 2, CLEAR * (right - left) / 2
+    plants = loops.across() if loop is None else loops.plants.of(loop)
+    clear = np.ones(np.broadcast_shapes(plants.delay.shape, left.shape), dtype=bool)
+    for terms, scale in loops.factors:
+        if loop is None:
+            terms, scale = [term.across() for term in terms], scale[:, :, None]
+        else:
+            terms = [term.of(loop) for term in terms]
+            scale = scale[:, loop] if scale.shape[1] > 1 else scale
+        clear &= zero_free(terms, scale, centre, radius)
+    if loops.late:
+        far = plants.delay * (right - left) > RADIANS
+        clear &= ~(far & (np.abs(loops.motion(left, plants).L) > SMALL))
+    return clear
+
+
+def _between(loops: _Loops, shared: FloatArray, clear: BoolArray, own: _Stretches) -> FloatArray:
+    """Smallest ``|1 + L|`` between frequencies: where L stops coming nearer to -1."""
+    at = loops.motion(shared, loops.across())
+    few = loops.plants.of(own.loop)
+    low, high = (loops.motion(omega, few) for omega in (own.low, own.high))
+    retreat, distance = at.retreat, at.distance
+    least = distance.min(axis=1)
+    for end in (low, high):
+        np.minimum.at(least, own.loop, end.distance)
+    near = distance < SHALLOW * least[:, None]
+    turns = (retreat[:, :-1] < 0) & (retreat[:, 1:] >= 0) & (near[:, :-1] | near[:, 1:])
+    loop, k = np.nonzero(clear & turns)
+    near = np.fmin(low.distance, high.distance) < SHALLOW * least[own.loop]
+    turning = own.of((low.retreat < 0) & (high.retreat >= 0) & near)
+    stretches = _Stretches(loop, shared[k], shared[k + 1]).joined(turning)
+    few = loops.plants.of(stretches.loop)
+
+    def slope(x: FloatArray) -> FloatArray:
+        motion = loops.motion(np.exp(x), few)
+        return np.asarray(motion.retreat / motion.distance)
+
+    found = np.full(loops.count, np.inf)
+    if stretches.loop.size:
+        nearest = np.exp(bisect(slope, np.log(stretches.low), np.log(stretches.high), WITHIN))
+        np.minimum.at(found, stretches.loop, np.abs(1 + loops.motion(nearest, few).L))
+    return found
+
+
+def _at_ends(loops: _Loops) -> FloatArray:
+    """Smallest ``|1 + L|`` at ω = 0 and at infinity, where a dead time turns L; nan if unknown."""
+    feedback, (num, den, delay) = loops.feedback, loops.plants
+    every = np.arange(delay.size)
+    zeros, poles = (np.argmax(p[::-1] != 0, axis=0) for p in (num, den))
+    level, power = feedback.lowest
+    level = level * num[-1 - zeros, every] / den[-1 - poles, every]
+    order = power + zeros - poles
+    at_zero = np.abs(1 + np.where(order > 0, 0.0, np.where(order < 0, np.inf, level)))
+    if feedback.numerator.degree + num.shape[0] < feedback.denominator.degree + den.shape[0]:
+        return np.asarray(np.fmin(at_zero, 1.0))
+    if feedback.denominator.delay:  # L does not tend to a circle
+        return np.full(delay.shape, np.nan)
+    limit = feedback.numerator.q[0] * num[0] / (feedback.denominator.q[0] * den[0])
+    at_infinity = np.abs(1 - np.abs(limit)) if loops.late else np.abs(1 + limit)
+    return np.asarray(np.fmin(at_zero, at_infinity))

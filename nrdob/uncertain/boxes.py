@@ -4,10 +4,9 @@ With a plant :math:`k\,G\,e^{-\tau s}/(Ts+1)` in place of G the loop has a root 
 
 .. math:: k\,L(j\omega)\,e^{-j\omega\tau} = -(1 + j\omega T) .
 
-Only L of the nominal plant is needed. At one frequency k and T follow each other, k growing from
-:math:`1/|L|` with T, and :math:`\tau` follows both up to whole turns, falling with T; so that it
-can be told in closed form whether a box holds such a plant. The share of a box at which it first
-does, least over all frequencies, is the stable share of it.
+At one frequency k and T follow each other, k growing from :math:`1/|L|` with T, and :math:`\tau`
+follows both up to whole turns, falling with T; so that it can be told in closed form whether a box
+holds such a plant. The share at which it first does, over all frequencies, is the stable share.
 """
 
 from __future__ import annotations
@@ -25,11 +24,11 @@ from ..analysis import Locus, resolved_frequencies
 from ..diagram import DelayedTransferFunction, Quotient, as_fraction, real_number, undelayed
 from ..loop import NRDOB
 from ..numerics import BoolArray, ComplexArray, FloatArray, QuasiPolynomial, bisect, golden, side
-from .distributions import Interval, read_range
+from .plantfamily import Interval, read_range
 
 __all__ = ["Box", "delay_intervals", "gain_intervals", "largest_box"]
 
-NOMINAL = {"gain": 1.0, "delay": 0.0, "lag": 0.0}  # where the nominal plant is
+NOMINAL = {"gain": 1.0, "delay": 0.0, "lag": 0.0}
 MOST = 200_000  # frequencies at most that a dead time asks for
 FAR = 10.0  # how far beyond all poles and zeros L is only a power of s and a dead time
 HALVINGS = 60  # how often shares are halved
@@ -45,17 +44,14 @@ class Box(NamedTuple):
     ----------
     share : float
         What part of the way from the nominal plant to every side; 1 if all of it is stable.
-    sides : dict of str: (float, float)
-        The box of that share.
     critical : dict of str: float or None
-        Gain, dead time and lag of a plant on its sides that is at the limit of stability; None if
-        the whole box is stable.
+        Gain, dead time and lag of a plant on the sides of the box of that share that is at the
+        limit of stability; None if the whole box is stable.
     frequency : float
         Where that plant oscillates, rad/s; nan if there is none.
     """
 
     share: float
-    sides: dict[str, tuple[float, float]]
     critical: dict[str, float] | None
     frequency: float
 
@@ -148,7 +144,7 @@ def delay_intervals(loop: NRDOB, low: float, high: float) -> list[tuple[float, f
     >>> [(a, round(b, 6)) for a, b in delay_intervals(loop, 0, 1)]             # up to λπ/2
     [(0.0, 0.314159)]
     """
-    span = _interval("delay", (low, high))
+    span = read_range("delay", (low, high))
     if loop.delay + span.low < 0:
         raise ValueError(
             f"low is {low:g} s, and the process has a dead time of {loop.delay:g} s: nothing "
@@ -160,9 +156,8 @@ def delay_intervals(loop: NRDOB, low: float, high: float) -> list[tuple[float, f
 def _critical_delays(loop: NRDOB, span: Interval) -> Critical:
     """Dead times at which a pair of roots crosses, up to where no more can be stable.
 
-    Whatever the dead time, the pair at a gain crossover goes right where the gain falls, and left
-    where it rises. The turns of the former are the faster ones (the last crossover is one), so that
-    the pairs in the right half plane are at least as many as the turns on balance.
+    At a gain crossover a pair goes right where the gain falls, and left where it rises: there are
+    at least as many on the right as turns on balance, and those of the last crossover are fastest.
     """
     omega = loop.margins().plant_loop.gain_crossovers
     omega = omega[(omega > 0) & np.isfinite(omega)]
@@ -199,8 +194,7 @@ def _stable_between(
 ) -> list[tuple[float, float]]:
     """Judge the loop between every two critical values where it may be stable, and join these.
 
-    Each pair of roots on the axis goes the way that the slope of L there says, so that their number
-    on the right is known from one stretch to the next. The last one is judged in any case.
+    The slope of L says to which side roots go; the last stretch is judged in any case.
     """
     values, omega = critical
     inside = (values > span.low) & (values < span.high)
@@ -281,7 +275,7 @@ def largest_box(loop: NRDOB, *, gain: Any = None, delay: Any = None, lag: Any = 
     (0.2588, {'gain': 1.2588, 'delay': 0.0, 'lag': 0.0518})
     """
     every = {"gain": gain, "delay": delay, "lag": lag}
-    given = {name: _interval(name, each) for name, each in every.items() if each is not None}
+    given = {name: read_range(name, each) for name, each in every.items() if each is not None}
     if not given:
         raise ValueError("there is no box; give one or more of gain, delay and lag")
     asked = {name: given.get(name, Interval(each, each)) for name, each in NOMINAL.items()}
@@ -314,12 +308,11 @@ def _in_one(loop: NRDOB, name: str, asked: dict[str, Interval]) -> Box:
     critical, omega = CRITICAL[name](loop, asked[name])
     inside = (critical >= low) & (critical <= high)
     if not inside.any():
-        return Box(1.0, _sides(asked, 1.0), None, nan)
+        return Box(1.0, None, nan)
     critical, omega = critical[inside], omega[inside]
     shares = (critical - nominal) / (np.where(critical > nominal, high, low) - nominal)
     k = int(shares.argmin())
-    share, plant = float(shares[k]), NOMINAL | {name: float(critical[k])}
-    return Box(share, _sides(asked, share), plant, float(omega[k]))
+    return Box(float(shares[k]), NOMINAL | {name: float(critical[k])}, float(omega[k]))
 
 
 CRITICAL = {"gain": _critical_gains, "delay": _critical_delays, "lag": _critical_lags}
@@ -370,18 +363,15 @@ def _largest(loop: NRDOB, asked: dict[str, Interval]) -> Box:
         beside = at_zero + 2 * MET / dc / (asked["gain"].high - 1)
         least, frequency = (at_zero, 0.0) if beside <= least else (least, frequency)
     if least >= 1:
-        return Box(1.0, _sides(asked, 1.0), None, nan)
-    sides = _sides(asked, least)
+        return Box(1.0, None, nan)
     L = np.asarray(loop.L(1j * max(frequency, 1e-300)))
-    return Box(least, sides, _critical_plant(L, frequency, sides), frequency)
+    return Box(least, _critical_plant(L, frequency, asked, least), frequency)
 
 
 def _where_corners_meet(loop: NRDOB, omega: FloatArray, asked: dict[str, Interval]) -> FloatArray:
     """Frequencies at which a plant oscillates of which two parameters are at corners.
 
-    The corners are those of the box and the nominal plant. |k L| = |1 + jωT| leaves the dead time
-    free, an equal angle the gain, and Re(k L exp(-jωτ)) = -1 the lag. Only between such frequencies
-    a plant of the box can oscillate, however narrow that is.
+    Only between such frequencies a plant of the box can oscillate, however narrow that is.
     """
     gains, delays, lags = ({nominal, *asked[name]} for name, nominal in NOMINAL.items())
 
@@ -446,17 +436,11 @@ def _scaled(side: Interval, name: str, share: Any) -> tuple[Any, Any]:
     return nominal + share * (side.low - nominal), nominal + share * (side.high - nominal)
 
 
-def _sides(asked: dict[str, Interval], share: float) -> dict[str, tuple[float, float]]:
-    return {
-        name: _scaled(each, name, share) for name, each in asked.items() if each.low < each.high
-    }
-
-
 def _critical_plant(
-    L: ComplexArray, omega: float, sides: dict[str, tuple[float, float]]
+    L: ComplexArray, omega: float, asked: dict[str, Interval], share: float
 ) -> dict[str, float]:
-    """Return the plant of a box that oscillates at a frequency, of the smallest lag."""
-    (k1, k2), (t1, t2), (T1, T2) = (sides.get(name, (at, at)) for name, at in NOMINAL.items())
+    """Return the plant of a share that oscillates at a frequency, of the smallest lag."""
+    (k1, k2), (t1, t2), (T1, T2) = (_scaled(asked[name], name, share) for name in NOMINAL)
     if not omega:
         return {"gain": k2, "delay": 0.0, "lag": 0.0}
     size, turn = float(np.abs(L)), 2 * pi / omega
@@ -477,10 +461,3 @@ def _with(loop: NRDOB, *, gain: float = 1.0, delay: float = 0.0) -> NRDOB:
     total = loop.delay + delay
     plant = DelayedTransferFunction((gain * num, den), total) if total else (gain * num, den)
     return replace(loop, process=plant)
-
-
-def _interval(name: str, given: Any) -> Interval:
-    read = read_range(name, given)
-    if not isinstance(read, Interval):
-        raise TypeError(f"{name} is a distribution; exact boxes take intervals")
-    return read

@@ -3,8 +3,8 @@ r"""Plants whose coefficients lie in intervals: Kharitonov's polynomials, and ed
 At each frequency the values of an interval polynomial fill a rectangle, whose corners are those of
 Kharitonov's four polynomials. Two tests follow, of which the second is exact:
 
-- The coefficients of :math:`p_B = D A + N B`, as if each were free in the interval that it can
-  have: four polynomials decide (Kharitonov). They are not free, so that this refuses too much.
+- The coefficients of :math:`p_B = D A + N B`, as if each were free in its interval: four
+  polynomials decide (Kharitonov). They are not free, so that this refuses too much.
 - Numerator and denominator as they are, fixed A and B: the loop is stable with all if and only if
   it is on 32 segments, from one corner to a neighbour in one of N and D, at a corner in the other
   (Chapellat and Bhattacharyya). A segment is tested by the frequencies at which both of its ends

@@ -1,30 +1,172 @@
 r"""What a plant may be: a family of members around the one that was expected.
 
 A member is :math:`k\,G(s)\,e^{-\theta s}/(Ts+1)`: the nominal process G times a gain k, with one
-more lag T and an additional dead time θ, its poles and zeros moved; or whatever a function of the
-user's makes of drawn parameters. What is drawn stands in columns that are read by name.
+more lag T and an additional dead time θ; or whatever a function of the user's makes of drawn
+parameters in place of G. What is drawn stands in columns that are read by name.
+
+Samples come in blocks of `BLOCK`, each with its own stream of random numbers, spawned from one
+seed. A block is always drawn whole: member 17 is the same one in a family of a hundred and of a
+million, and whoever draws it.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from functools import cached_property
-from math import ceil
-from typing import Any
+from math import ceil, isfinite
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from ..analysis import judge_observer, quotient_margins
 from ..diagram import ObserverEquations, as_fraction, nonzero, undelayed
-from ..numerics import BoolArray, FloatArray, convolved
-from .batch import SLAB, Feedback, Moving, PlantBatch, moving
-from .batchmargins import batch_margins
-from .distributions import BLOCK, Grid, Samples, read_fit, read_grid, read_range, whole_number
+from ..numerics import BoolArray, FloatArray, convolved, is_real, is_whole
+from .batch import SLAB, Feedback, PlantBatch, batch_peaks
 
-__all__ = ["PlantFamily", "judged", "plant_family"]
+__all__ = [
+    "Grid",
+    "Interval",
+    "PlantFamily",
+    "judged",
+    "plant_family",
+    "read_range",
+    "whole_number",
+]
 
+BLOCK = 10_000  # members drawn together, which are also judged together, as one task
 BUILT_IN = ("gain", "delay", "lag")
+
+
+class Interval(NamedTuple):
+    """An interval of which every value is as likely."""
+
+    low: float
+    high: float
+
+
+class Fit(NamedTuple):
+    """Means (k,) of parameters and a square root (k, k) of their covariance, as identified."""
+
+    names: tuple[str, ...]
+    mean: FloatArray
+    root: FloatArray
+
+
+@dataclass(frozen=True, eq=False)
+class Samples:
+    """Random members: what is drawn by itself, what together, how many times, from which seed."""
+
+    ranges: Mapping[str, Interval]
+    fit: Fit | None
+    count: int
+    seed: int
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """What is drawn, in the order of the columns."""
+        return (*self.ranges, *(self.fit.names if self.fit else ()))
+
+    def block(self, k: int) -> dict[str, FloatArray]:
+        """Draw block k of the members, k from 0."""
+        rng = np.random.default_rng(np.random.SeedSequence(self.seed, spawn_key=(k,)))
+        drawn = {name: rng.uniform(*each, BLOCK) for name, each in self.ranges.items()}
+        if self.fit:
+            numbers = rng.standard_normal((BLOCK, len(self.fit.names)))
+            together = self.fit.mean[:, None] + np.einsum("ij,kj->ik", self.fit.root, numbers)
+            drawn |= zip(self.fit.names, together, strict=True)
+        here = min(BLOCK, self.count - k * BLOCK)
+        return {name: values[:here] for name, values in drawn.items()}
+
+
+@dataclass(frozen=True, eq=False)
+class Grid:
+    """Members on a grid of values of each parameter, the last one changing fastest."""
+
+    ranges: Mapping[str, Interval]
+    points: int
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The parameters, in the order of the columns."""
+        return tuple(self.ranges)
+
+    @property
+    def count(self) -> int:
+        """How many members there are."""
+        return int(self.points ** len(self.ranges))
+
+    def block(self, k: int) -> dict[str, FloatArray]:
+        """Return block k of the members."""
+        here = np.arange(k * BLOCK, min((k + 1) * BLOCK, self.count))
+        where = np.unravel_index(here, [self.points] * len(self.ranges))
+        return {
+            name: np.linspace(*each, self.points)[i]
+            for (name, each), i in zip(self.ranges.items(), where, strict=True)
+        }
+
+
+def read_range(name: str, given: Any) -> Interval:
+    """Read an interval (low, high)."""
+    remedy = "give an interval, such as (0.5, 2.0)"
+    if not isinstance(given, Sequence | np.ndarray) or isinstance(given, str) or len(given) != 2:
+        raise TypeError(f"{name} is {given!r}; {remedy}")
+    if not all(map(is_real, given)):
+        raise TypeError(f"{name} is {given!r}, whose ends are no real numbers; {remedy}")
+    low, high = map(float, given)
+    if not (isfinite(low) and isfinite(high)):
+        raise ValueError(f"{name} is ({low:g}, {high:g}); both ends must be finite numbers")
+    if low > high:
+        raise ValueError(
+            f"{name} is ({low:g}, {high:g}), from high to low; write ({high:g}, {low:g})"
+        )
+    if low == high:
+        raise ValueError(
+            f"{name} is ({low:g}, {high:g}), in which nothing is uncertain; leave it out, and "
+            "give the process that value"
+        )
+    return Interval(low, high)
+
+
+def read_fit(given: Any) -> Fit:
+    """Read means by name, numbers or what has them as `value`, and their covariance (k, k)."""
+    if not (isinstance(given, tuple) and len(given) == 2 and isinstance(given[0], Mapping)):
+        raise TypeError(
+            f"fit is a {type(given).__name__}; give means by name and their covariance in the "
+            "same order, fit=({'gain': 1.0, 'lag': 0.1}, [[0.01, 0.0], [0.0, 0.0001]])"
+        )
+    means, covariance = given
+    values = [getattr(value, "value", value) for value in means.values()]
+    if not all(map(is_real, values)):
+        raise TypeError(f"fit has the means {means!r}; give real numbers by name")
+    mean = np.array(values, dtype=float)
+    matrix = np.array(covariance, dtype=float)
+    k = mean.size
+    if matrix.shape != (k, k):
+        raise ValueError(
+            f"fit has {k} means and a covariance of shape {matrix.shape}; it must be ({k}, {k})"
+        )
+    if not (np.isfinite(mean).all() and np.isfinite(matrix).all()):
+        raise ValueError("fit has means or covariances that are no finite numbers")
+    powers, directions = np.linalg.eigh((matrix + matrix.T) / 2)
+    size = np.abs(matrix).max()
+    if np.abs(matrix - matrix.T).max() > 1e-8 * size or powers.min() < -1e-8 * size:
+        raise ValueError(
+            "the covariance in fit is not symmetric, or has a negative variance in some "
+            f"direction ({powers.min():.3g}); give the covariance matrix of the estimates"
+        )
+    return Fit(tuple(means), mean, directions * np.sqrt(np.maximum(powers, 0.0)))
+
+
+def whole_number(value: Any, name: str, least: int) -> int:
+    """Return a whole number, or refuse what is none or below the least."""
+    if not is_whole(value):
+        raise TypeError(f"{name} is {value!r}; give a whole number")
+    if value < least:
+        raise ValueError(f"{name} is {value}; give {least} or more")
+    return int(value)
+
+
+# The family.
 
 
 @dataclass(frozen=True, eq=False)
@@ -92,19 +234,15 @@ class PlantFamily:
         if self.parameters:
             num, den, delay = self._made(drawn, n, problems)
         else:
-            num, den = (
-                part.moved([drawn.get(f"{name} {i}", np.ones(n)) for i in _numbers(part)])
-                for name, part in zip(("zero", "pole"), self._parts, strict=True)
-            )
-            num, den = (np.broadcast_to(part, (part.shape[0], n)) for part in (num, den))
-            delay = np.full(n, self.delay)
+            num, den, delay = PlantBatch.of_blocks([self.process])
         if "gain" in drawn:
             num = num * drawn["gain"]
         if "lag" in drawn:
             den = convolved(den, np.array([drawn["lag"], np.ones(n)]))
         if "delay" in drawn:
             delay = delay + drawn["delay"]
-        return PlantBatch(num, den, delay), problems
+        every = (np.broadcast_to(part, (*part.shape[:-1], n)) for part in (num, den, delay))
+        return PlantBatch(*every), problems
 
     def peaks(self, model: Any, filter: Any) -> FloatArray:
         """Ms of the plant loop of every member.
@@ -122,28 +260,14 @@ class PlantFamily:
         feedback, every = Feedback(ObserverEquations(self.process, model, filter)), []
         for block in range(self.blocks):
             plants, _ = self.plants(self.drawn.block(block))
-            stable, unstable, found = judged(plants, feedback, ["ms"])
-            ms = np.where(unstable, np.inf, found["ms"])
+            stable, unstable, ms = judged(plants, feedback, peaks=True)
+            ms[unstable] = np.inf
             for k in np.flatnonzero(~(stable | unstable)).tolist():
                 loop = ObserverEquations(plants.plant(k), model, filter)
                 one = judge_observer(loop.process, model, filter).stable
                 ms[k] = quotient_margins(loop.L, True).ms if one else np.inf
             every.append(ms)
         return np.concatenate(every)
-
-    @property
-    def delay(self) -> float:
-        """Dead time of the nominal plant, in seconds."""
-        return undelayed(self.process)[1]
-
-    @cached_property
-    def _parts(self) -> tuple[Moving, Moving]:
-        """Numerator and denominator of the nominal plant, with roots only if these move."""
-        num, den = as_fraction(undelayed(self.process)[0], "process")
-        return tuple(  # type: ignore[return-value]
-            moving(p) if f"{name} 1" in self.names else Moving(p, np.empty(0, dtype=complex))
-            for name, p in (("zero", num), ("pole", den))
-        )
 
     def _made(
         self, drawn: Mapping[str, FloatArray], n: int, problems: dict[int, str]
@@ -171,19 +295,16 @@ def plant_family(
     gain: Any = None,
     delay: Any = None,
     lag: Any = None,
-    poles: Any = None,
-    zeros: Any = None,
     parameters: Callable[..., Any] | None = None,
     fit: Any = None,
-    grid: int | Mapping[str, int] | None = None,
+    grid: int | None = None,
     samples: int = 1000,
     seed: int = 0,
     **others: Any,
 ) -> PlantFamily:
     r"""Describe the plants that may turn up instead of the one that was expected.
 
-    Every range is an interval (low, high), of which every value is as likely, or a frozen
-    distribution of `scipy.stats`.
+    Every range is an interval (low, high), of which every value is as likely.
 
     Parameters
     ----------
@@ -192,19 +313,15 @@ def plant_family(
     gain, delay, lag : range
         Factor of the plant; dead time that is added to its own, in seconds; T of one more factor
         :math:`1/(Ts+1)`, in seconds.
-    poles, zeros : range
-        Factors by which the nominal poles, or zeros, are multiplied: real ones each by its own,
-        pairs together, so that their damping remains, and so does the gain at zero frequency.
-        Those at s = 0 stay. The columns are "pole 1", "pole 2", …
     parameters : callable
         Makes a plant, whatever `nrdob.NRDOB` takes as a process, of parameters that `others` and
         `fit` name, as keyword arguments. Gain, delay and lag come on top.
     fit : (dict of str: float, (k, k) array_like)
         Means by name, and the covariance in the same order, of parameters that were identified
-        together; they are drawn from the normal distribution. A gain named here is a factor of the
-        process, as `gain` is; for parameters of other meaning give the function `parameters`.
-    grid : int or dict of str: int
-        Points on every interval, or on each by name: all their combinations in place of samples.
+        together; they are drawn from the normal distribution. Without `parameters` their names are
+        gain, delay or lag.
+    grid : int
+        Points on every interval: all their combinations in place of samples.
     samples, seed : int
         How many members are drawn, and of all random numbers. Members 0, 1, 2, … are the same
         however many there are.
@@ -231,22 +348,13 @@ def plant_family(
     >>> plant_family(ct.tf([1], [1, 1]), gain=(0.5, 2.0), delay=(0.0, 0.1), grid=11)
     <family of 121 plants: gain, delay>
     """
-    fraction = nonzero(as_fraction(undelayed(process)[0], "process"), "process")
+    nonzero(as_fraction(undelayed(process)[0], "process"), "process")
     given = dict(zip(BUILT_IN, (gain, delay, lag), strict=True))
     ranges = {name: read_range(name, each) for name, each in given.items() if each is not None}
-    for name, each, p in (("zero", zeros, fraction.num), ("pole", poles, fraction.den)):
-        if each is None:
-            continue
-        if parameters:
-            raise ValueError(f"{name}s move those of process, which parameters replaces")
-        numbers = _numbers(moving(p))
-        if not numbers:
-            raise ValueError(f"process has no {name} that could move; leave {name}s out")
-        ranges |= dict.fromkeys([f"{name} {i}" for i in numbers], read_range(f"{name}s", each))
     if others and not parameters:
         raise TypeError(
             f"nothing takes {', '.join(others)}; give parameters, a function that makes a plant "
-            "of them, or one of gain, delay, lag, poles, zeros"
+            "of them, or one of gain, delay, lag"
         )
     ranges |= {name: read_range(name, each) for name, each in others.items()}
     known = read_fit(fit) if fit is not None else None
@@ -256,8 +364,7 @@ def plant_family(
         strange = [name for name in known.names if name not in BUILT_IN and not parameters]
         if strange:
             raise ValueError(
-                f"fit names {', '.join(strange)}, which only a function parameters=… can use; "
-                f"without it name some of {', '.join(BUILT_IN)}"
+                f"fit names {', '.join(strange)}, which only a function parameters=… can use"
             )
     if not ranges and not known:
         raise ValueError("nothing is uncertain; give a range, such as gain=(0.5, 2.0)")
@@ -268,41 +375,25 @@ def plant_family(
     elif known:
         raise ValueError("a fit has no grid; leave grid or fit out")
     else:
-        drawn = read_grid(_each_root(grid, ranges), ranges)
+        drawn = Grid(ranges, whole_number(grid, "grid", 2))
     return PlantFamily(process, drawn, parameters)
 
 
 def judged(
-    plants: PlantBatch, feedback: Feedback, names: list[str]
-) -> tuple[BoolArray, BoolArray, dict[str, FloatArray]]:
-    """Tell which plants are certainly stable, which unstable, and margins of the former by name.
+    plants: PlantBatch, feedback: Feedback, *, peaks: bool
+) -> tuple[BoolArray, BoolArray, FloatArray]:
+    """Tell which plants are certainly stable, which unstable, and Ms of the former if asked for.
 
     What is too close to call for many at once is neither, and must be judged alone.
     """
     stable, unstable = np.zeros((2, plants.delay.size), dtype=bool)
-    values = {name: np.full(stable.size, np.nan) for name in names}
+    ms = np.full(stable.size, np.nan)
     for chosen, few in plants.groups():
         stable[chosen], unstable[chosen] = feedback.verdicts(few)
-        here = np.flatnonzero(stable[chosen] & bool(names))
+        here = np.flatnonzero(stable[chosen] & peaks)
         for first in range(0, here.size, SLAB):
             part = here[first : first + SLAB]
-            found, trusted = batch_margins(feedback, few.of(part))
+            found, trusted = batch_peaks(feedback, few.of(part))
             stable[chosen[part]] = trusted
-            for name in names:
-                values[name][chosen[part]] = np.where(trusted, found[name], np.nan)
-    return stable, unstable, values
-
-
-def _numbers(part: Moving) -> range:
-    return range(1, part.roots.size + 1)
-
-
-def _each_root(grid: int | Mapping[str, int], ranges: Mapping[str, Any]) -> Any:
-    """Give every pole the points that are given for the poles."""
-    if not isinstance(grid, Mapping):
-        return grid
-    counts: dict[str, int] = {}
-    for name, count in grid.items():
-        roots = [each for each in ranges if name in ("poles", "zeros") and each[:4] == name[:4]]
-        counts |= dict.fromkeys(roots or [name], count)
-    return counts
+            ms[chosen[part]] = np.where(trusted, found, np.nan)
+    return stable, unstable, ms

@@ -26,6 +26,7 @@ from ..loop import NRDOB
 from ..numerics import FloatArray, QuasiPolynomial, golden
 from .boxes import largest_box
 from .intervalplants import largest_share
+from .plantfamily import whole_number
 
 __all__ = ["Conservatism", "SmallGain", "conservatism", "fit_weight", "small_gain"]
 
@@ -90,7 +91,7 @@ def fit_weight(
 
     Raises
     ------
-    ValueError
+    TypeError, ValueError
         If there is no plant, `order` or `omega` are out of range, or a plant differs infinitely.
 
     Examples
@@ -105,8 +106,7 @@ def fit_weight(
     omega = np.asarray(omega, dtype=float)
     if omega.ndim != 1 or omega.size < 2 or not (np.diff(omega) > 0).all() or omega[0] <= 0:
         raise ValueError("omega must be two or more increasing, positive frequencies in rad/s")
-    if isinstance(order, bool) or not isinstance(order, int) or order < 1:
-        raise ValueError(f"order is {order!r}; give a whole number from 1 on")
+    order = whole_number(order, "order", 1)
     s = 1j * omega
     nominal = process(s)
     # The indices of a family end, so that it is iterable as a sequence.

@@ -3,20 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field, replace
-from math import isfinite
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import binomtest
 
+from ..diagram import undelayed
 from ..loop import NRDOB
-from ..numerics import IntArray, is_real
-from .batch import Feedback, PlantBatch
-from .batchmargins import MARGINS
-from .distributions import Grid
-from .plantfamily import PlantFamily, judged
+from .batch import Feedback
+from .plantfamily import Grid, PlantFamily, judged
 
 if TYPE_CHECKING:
     from ..design import StabilityChart
@@ -24,7 +21,7 @@ if TYPE_CHECKING:
 
 __all__ = ["QUANTITIES", "Share", "SweepTable", "sweep"]
 
-QUANTITIES = ("stable", *MARGINS)  # what can be asked of every member
+QUANTITIES = ("stable", "ms")  # what can be asked of every member
 
 LABELS = {
     "gain": "gain of the process, times",
@@ -33,16 +30,12 @@ LABELS = {
 }
 """What is written beside an axis."""
 
-Columns = dict[str, NDArray[Any]]
-
 
 def sweep(loop: NRDOB, family: PlantFamily, quantities: Iterable[str] = QUANTITIES) -> SweepTable:
     r"""Judge every member of a family in place of the loop's process.
 
     Model, controller and filter remain. Verdicts are those of `NRDOB.stability`, found for many
-    members at once where Routh's test, or with dead time the turns of the argument, are certain
-    however the coefficients are rounded; the others are judged one by one and flagged in the column
-    "alone".
+    members at once where Routh's test, or with dead time the argument, are certain within rounding.
 
     Parameters
     ----------
@@ -51,8 +44,7 @@ def sweep(loop: NRDOB, family: PlantFamily, quantities: Iterable[str] = QUANTITI
     family : PlantFamily
         What the plant may be, see `nrdob.plant_family`.
     quantities : iterable of str
-        Of "stable"; "ms", "gm", "pm", "delay_margin", the margins of the plant loop L as
-        `nrdob.analysis.Margins` has them.
+        Of "stable" and "ms", the peak of the sensitivity of the plant loop L.
 
     Returns
     -------
@@ -83,21 +75,17 @@ def sweep(loop: NRDOB, family: PlantFamily, quantities: Iterable[str] = QUANTITI
         raise TypeError(f"loop is a {type(loop).__name__}; give an nrdob.NRDOB")
     if not isinstance(family, PlantFamily):
         raise TypeError(f"family is a {type(family).__name__}; make one with nrdob.plant_family")
-    asked = _asked(quantities)
-    blocks = [_judge_block(loop, family, asked, block) for block in range(family.blocks)]
-    joined = {name: np.concatenate([block[name] for block in blocks]) for name in blocks[0]}
-    return SweepTable(family, joined, np.arange(len(family)))
-
-
-def _asked(quantities: Iterable[str]) -> list[str]:
-    """Give the margins asked for, in the order of the columns."""
     asked = (quantities,) if isinstance(quantities, str) else tuple(quantities)
     if unknown := [name for name in asked if name not in QUANTITIES]:
         raise ValueError(f"there is no {unknown[0]!r} to ask; choose from {', '.join(QUANTITIES)}")
-    return [name for name in MARGINS if name in asked]
+    blocks = [_judge_block(loop, family, "ms" in asked, block) for block in range(family.blocks)]
+    joined = {name: np.concatenate([block[name] for block in blocks]) for name in blocks[0]}
+    return SweepTable(family, joined)
 
 
-def _judge_block(loop: NRDOB, family: PlantFamily, asked: list[str], block: int) -> Columns:
+def _judge_block(
+    loop: NRDOB, family: PlantFamily, peaks: bool, block: int
+) -> dict[str, NDArray[Any]]:
     """Judge the members of one block: the columns of the table."""
     drawn = family.drawn.block(block)
     plants, problems = family.plants(drawn)
@@ -105,39 +93,28 @@ def _judge_block(loop: NRDOB, family: PlantFamily, asked: list[str], block: int)
     reason = np.full(n, "", dtype=object)
     condition_i = loop.stability().model_loop
     if condition_i.stable:
-        stable, unstable, values = judged(plants, Feedback(loop), asked)
+        stable, unstable, ms = judged(plants, Feedback(loop), peaks=peaks)
         decided = stable | unstable
     else:
         stable, decided = np.zeros(n, dtype=bool), np.full(n, condition_i.stable is False)
-        values = {name: np.full(n, np.nan) for name in asked}
+        ms = np.full(n, np.nan)
         reason[:] = f"C Gm (i): {condition_i.reason}"
     alone = ~decided & (condition_i.stable is True)
     for k in np.flatnonzero(alone).tolist():
-        verdict, reason[k], found = None, problems.get(k, ""), dict.fromkeys(asked, np.nan)
-        if not reason[k]:
-            verdict, reason[k] = _alone(loop, plants, k, found)
-        stable[k], decided[k] = verdict is True, verdict is not None
-        for name, value in found.items():
-            values[name][k] = value
-    flags = {"stable": stable, "decided": decided, "alone": alone}
-    return {**drawn, **flags, **values, "reason": reason}
-
-
-def _alone(
-    loop: NRDOB, plants: PlantBatch, k: int, margins: dict[str, float]
-) -> tuple[bool | None, str]:
-    """Judge one member as `nrdob.NRDOB` does, and enter its margins where it is stable."""
-    stable = None
-    try:
-        member = replace(loop, process=plants.plant(k))
-        verdict = member.stability()
-        stable = verdict.stable
-        if stable and margins:
-            found = member.margins().plant_loop
-            margins |= {name: getattr(found, name) for name in margins}
-        return stable, verdict.reason if stable is None else ""
-    except (ArithmeticError, TypeError, ValueError) as error:
-        return stable, str(error)
+        if k in problems:
+            reason[k] = problems[k]
+            continue
+        try:
+            member = replace(loop, process=plants.plant(k))
+            verdict = member.stability()
+            stable[k], decided[k] = verdict.stable is True, verdict.stable is not None
+            reason[k] = "" if decided[k] else verdict.reason
+            if peaks and verdict:
+                ms[k] = member.margins().plant_loop.ms
+        except (ArithmeticError, TypeError, ValueError) as error:
+            reason[k] = str(error)
+    columns = {**drawn, "stable": stable, "decided": decided, "alone": alone, "reason": reason}
+    return columns | ({"ms": ms} if peaks else {})
 
 
 class Share(NamedTuple):
@@ -162,11 +139,10 @@ class SweepTable:
 
     - "stable": True where that is certain;
     - "decided": whether the verdict is known, one way or the other;
-    - "alone": members too close to call, or too odd, for many at once, which were judged one by
-      one by the methods of `nrdob.NRDOB`;
+    - "alone": members too close to call, or too odd, for many at once, and judged one by one;
     - "reason": for those, why there is no verdict, or no plant; empty otherwise.
 
-    Margins of members that are not known to be stable are nan.
+    Ms of members that are not known to be stable is nan.
 
     Attributes
     ----------
@@ -174,13 +150,10 @@ class SweepTable:
         Whose members these are.
     columns : dict of str: (N,) array
         The columns.
-    rows : (N,) array of int
-        Numbers of the members in the family.
     """
 
     family: PlantFamily
-    columns: Mapping[str, NDArray[Any]] = field(repr=False)
-    rows: IntArray = field(repr=False)
+    columns: Mapping[str, NDArray[Any]]
 
     def __getitem__(self, name: str) -> NDArray[Any]:
         if name not in self.columns:
@@ -188,7 +161,7 @@ class SweepTable:
         return self.columns[name]
 
     def __len__(self) -> int:
-        return int(self.rows.size)
+        return int(self["stable"].size)
 
     def __repr__(self) -> str:
         stable, decided = self["stable"], self["decided"]
@@ -197,11 +170,8 @@ class SweepTable:
             f"{int((decided & ~stable).sum())} not, {int((~decided).sum())} not decided; "
             f"{int(self['alone'].sum())} judged one by one"
         ]
-        for name in MARGINS:
-            if name in self.columns and stable.any():
-                values = self[name][stable]
-                worst = values[self._worst_first(name, values)[0]]
-                lines.append(f"  worst {name:12} {worst:.4g}")
+        if "ms" in self.columns and stable.any():
+            lines.append(f"  worst ms           {np.nanmax(self['ms'][stable]):.4g}")
         return "\n".join(lines) + ">"
 
     def stable_share(self, confidence: float = 0.95) -> Share:
@@ -227,10 +197,6 @@ class SweepTable:
         TypeError, ValueError
             If `confidence` is no number between 0 and 1, or the table is empty.
         """
-        if not is_real(confidence):
-            raise TypeError(f"confidence is {confidence!r}; give a number, such as 0.95")
-        if not (isfinite(confidence) and 0 < confidence < 1):
-            raise ValueError(f"confidence is {confidence}; give a number between 0 and 1")
         n = len(self)
         if not n:
             raise ValueError("the table is empty: there is no share of nothing")
@@ -252,13 +218,10 @@ class SweepTable:
         Returns
         -------
         SweepTable
-            A shorter table; ``.rows`` are their numbers in the family.
+            A shorter table.
         """
-        order = self._worst_first("ms", self["ms"])
-        order = order[np.argsort(self["stable"][order], kind="stable")]
-        chosen = order[:count]
-        columns = {name: values[chosen] for name, values in self.columns.items()}
-        return SweepTable(self.family, columns, self.rows[chosen])
+        chosen = np.lexsort((-self["ms"], self["stable"]))[:count]
+        return replace(self, columns={name: v[chosen] for name, v in self.columns.items()})
 
     def plot_map(
         self,
@@ -297,8 +260,9 @@ class SweepTable:
                 f"the chart is of {chart.x.name} and {chart.y.name}, the map of {x} and {y}; make "
                 "both of the same two"
             )
+        _, delay = undelayed(self.family.process)
         across, up = (
-            MapAxis(LABELS.get(name, name), self[name] + (name == "delay") * self.family.delay)
+            MapAxis(LABELS.get(name, name), self[name] + (name == "delay") * delay)
             for name in (x, y)
         )
         # Borders are drawn a little beyond their chart: there is no lag below zero.
@@ -309,12 +273,3 @@ class SweepTable:
         return map_plot(
             across, up, self["stable"], self["decided"], borders=borders, title=title, ax=ax
         )
-
-    def _worst_first(self, by: str, values: NDArray[Any]) -> IntArray:
-        key = np.asarray(values, dtype=float)
-        if by == "ms":
-            key = -key
-        elif by == "gm":
-            with np.errstate(divide="ignore"):
-                key = np.abs(np.log(key))
-        return np.argsort(key, kind="stable")

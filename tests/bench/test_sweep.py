@@ -18,10 +18,8 @@ import pytest
 
 import nrdob
 from nrdob import paper
-from nrdob.uncertain.batchmargins import MARGINS
 
 FEW = 300
-QUANTITIES = ("stable", *MARGINS)
 
 
 def seconds(task):
@@ -66,7 +64,7 @@ def family_column(family, name):
     ("name", "number", "count", "asked"),
     [
         ("rational, stability", 3, 100_000, "stable"),
-        ("rational, with Ms and margins", 1, 20_000, QUANTITIES),
+        ("rational, with Ms", 1, 20_000, ("stable", "ms")),
         ("dead time, stability, Padé(5)", 4, 20_000, "stable"),
     ],
 )

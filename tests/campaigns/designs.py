@@ -37,7 +37,7 @@ def campaign(count: int, seed: int) -> Counter[str]:
 
 def _design(rng: np.random.Generator, label: str) -> str:
     _, process, model = plant_and_model(rng)
-    order = Mismatch.of(process, model).order + int(rng.integers(0, 2))
+    order = Mismatch.of(process, model).family.order + int(rng.integers(0, 2))
     try:
         intervals = nrdob.stabilizing_time_constants(process, model, order)
     except ArithmeticError:

@@ -24,7 +24,7 @@ SCANNED = 24
 
 def floor_of(process, model, filters):
     """Give the time constant down to which sets are complete by default."""
-    return Frequencies(Mismatch.of(process, model, filters, waits=True)).lowest_floor
+    return Frequencies(Mismatch.of(process, model, filters)).lowest_floor
 
 
 def campaign(count: int, seed: int) -> Counter[str]:
@@ -35,7 +35,7 @@ def campaign(count: int, seed: int) -> Counter[str]:
 
 def _set(rng: np.random.Generator, label: str) -> str:
     kind, process, model = plant_and_model(rng)
-    order = Mismatch.of(process, model).order + int(rng.integers(0, 3))
+    order = Mismatch.of(process, model).family.order + int(rng.integers(0, 3))
     try:
         intervals = nrdob.stabilizing_time_constants(process, model, order)
     except ArithmeticError:

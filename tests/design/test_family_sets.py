@@ -183,7 +183,7 @@ def test_an_exact_model_that_waits_is_stable_for_every_filter_of_a_family(kind):
 def test_beyond_the_largest_time_constant_the_plant_loop_is_smaller_than_the_gain(wait, gain):
     model = nrdob.delay(wait) * lag**2 if wait else lag**2
     process, family = nrdob.delay(0.4) * 1.5 * lag**2, filter_family("butterworth", 2)
-    mismatch = Mismatch.of(process, model, family, waits=True)
+    mismatch = Mismatch.of(process, model, family)
     omega = np.geomspace(0.1, 100, 40)
     for w, most in zip(omega, last_root(mismatch.off_gain(omega, gain)), strict=True):
         for time_constant in most * np.array([1.001, 2.0, 10.0]):

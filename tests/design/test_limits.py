@@ -23,8 +23,6 @@ from nrdob.design import (
 from nrdob.design.mismatch import Mismatch
 from nrdob.numerics import count_rhp
 from strategies import fractions
-from tests.oracles.contour import rhp_by_argument
-from tests.oracles.plain import Block, Plain, low_pass, p_B
 
 s = ct.tf("s")
 lag = 1 / (s + 1)
@@ -186,62 +184,22 @@ def test_exactly_at_the_bound_the_question_is_open():
     assert stable_for_fast_filters(bound * lag, lag, 4).holds is None
 
 
-# Roots on the axis: to which side they go decides.
+# Roots on the axis: the set decides, as other terms than the first do.
 
 
-def test_an_undamped_mode_of_the_process_is_followed():
-    process, model = 1 / ((s + 1) * (s**2 + 1)), 1 / ((s + 1) * (s**2 + 0.5 * s + 1))
-    # The first change of the roots is along the axis, the second leads to the right.
-    answer = stable_for_slow_filters(process, model, 3)
-    assert answer.holds is False and "±1j" in answer.reason and "to the right" in answer.reason
-    ((low, high),) = stabilizing_time_constants(process, model, 3)
-    assert (low, high) == (0.0, pytest.approx(0.491163, abs=1e-6))
-    assert stable_for_fast_filters(process, model, 3).holds is True
-
-
-@pytest.mark.parametrize("wait", [0.3, 2.0, 3.5, 5.0, 6.0])
-def test_dead_time_turns_the_way_in_which_an_undamped_mode_moves(wait):
-    # Order 1: s (s² + 1) + (s + 1) exp(-θs)/λ = 0, whose root j moves by (1 + j) exp(-jθ)/(2λ).
-    answer = stable_for_slow_filters(nrdob.delay(wait) / (s**2 + 1), lag, 1)
-    assert answer.holds is bool(((1 + 1j) * np.exp(-1j * wait)).real < 0)
-    loop = nrdob.NRDOB(nrdob.delay(wait) / (s**2 + 1), lag, 0, nrdob.LowPassFilter(1e3, 1))
-    assert loop.stability().stable is answer.holds
-
-
-def test_an_undamped_mode_of_the_model_is_followed():
-    answer = stable_for_fast_filters(lag**2, 1 / (s**2 + 1), 2)
-    assert answer.holds is not None
-    intervals = stabilizing_time_constants(lag**2, 1 / (s**2 + 1), 2)
-    assert answer.holds == bool(intervals and intervals[0][0] == 0)
-
-
-@pytest.mark.parametrize("order", [3, 4])
 @pytest.mark.parametrize(
-    ("D", "Dm"), [([1, 2, 2], [1, 4, 2, 2]), ([1, 3, 2], [1, 5, 2, 2]), ([1, 2, 1], [1, 3, 1, 1])]
+    ("answer", "process", "model"),
+    [
+        (stable_for_slow_filters, lag / (s**2 + 1), lag / (s**2 + 0.5 * s + 1)),
+        (stable_for_slow_filters, 1 / (s**2 + 1) ** 2, lag**4),
+        (stable_for_fast_filters, lag**2, 1 / (s**2 + 1)),
+        (stable_for_fast_filters, lag / (s**2 + 1), lag / (s**2 + 1)),
+        (stable_for_fast_filters, s * lag**2, (s + 3) / s**2),
+    ],
 )
-def test_an_undamped_zero_that_first_moves_along_the_axis_is_followed_farther(D, Dm, order):
-
-    E = np.poly(np.full(order, -1.0)) * 1e-4 ** np.arange(order, -1, -1)
-    p = np.polyadd(np.polymul(3 * np.array(D), [*E[:-1], 0]), np.polymul([1, 0, 1], Dm))
-    roots = np.roots(p)
-    (beside,) = roots[np.abs(roots - 1j) < 0.1]
-    assert abs(beside.real) < 1e-3 * abs(beside - 1j)
-    answer = stable_for_fast_filters(ct.tf([1, 0, 1], D), ct.tf([3], Dm), order)
-    assert answer.holds is bool(beside.real < 0)
-
-
-def test_an_undamped_mode_that_cancels_is_out_of_reach():
-    mode = 1 / ((s + 1) * (s**2 + 1))
-    for answer in (
-        stable_for_slow_filters(2 * mode, mode, 3),
-        stable_for_fast_filters(mode, mode, 3),
-    ):
-        assert answer.holds is False and "nrdob.interpolating_filter" in answer.reason
-
-
-def test_a_double_mode_on_the_axis_is_left_open():
-    answer = stable_for_slow_filters(1 / (s**2 + 1) ** 2, lag**4, 4)
-    assert answer.holds is None and "multiple" in answer.reason
+def test_roots_of_the_limit_on_the_axis_leave_the_question_open(answer, process, model):
+    found = answer(process, model, 4)
+    assert found.holds is None and "stabilizing_time_constants" in found.reason
 
 
 @pytest.mark.parametrize("delay", [0.0, 0.3])
@@ -252,27 +210,8 @@ def test_an_integrator_under_a_slow_filter(order, zero, delay):
     process = nrdob.delay(delay) * (s + zero) / (s * (s + 1))
     answer = stable_for_slow_filters(process, 1 / (s + 1), order)
     *_, (_, high) = [(0, 0), *stabilizing_time_constants(process, 1 / (s + 1), order)]
-    assert answer.holds == (high == inf) == (order == 1 and 1 / zero - delay > 0)
-
-
-@pytest.mark.parametrize("seed", range(3))
-def test_definite_answers_about_modes_on_the_axis_are_those_of_the_sets(seed):
-    rng = np.random.default_rng(seed)
-    definite = 0
-    for _ in range(12):
-        a, w, v, damping = 10 ** rng.uniform(-1, 1, 4)
-        k = rng.choice([-1, 1, 1]) * 10 ** rng.uniform(-0.5, 0.5)
-        process, model = k / ((s + a) * (s**2 + w)), 1 / ((s + a) * (s**2 + damping * s + v))
-        if rng.random() < 0.5:
-            process, model = model, process
-        order = int(rng.integers(3, 5))
-        intervals = stabilizing_time_constants(process, model, order)
-        slow = stable_for_slow_filters(process, model, order)
-        fast = stable_for_fast_filters(process, model, order)
-        assert slow.holds in (None, bool(intervals) and intervals[-1][1] == inf)
-        assert fast.holds in (None, bool(intervals) and intervals[0][0] == 0)
-        definite += (slow.holds is not None) + (fast.holds is not None)
-    assert definite >= 20
+    assert (high == inf) == (order == 1 and 1 / zero - delay > 0)
+    assert answer.holds is (None if order == 1 else False)
 
 
 # A filter that falls no faster than H grows.
@@ -321,57 +260,17 @@ def test_the_ends_under_an_integrating_model_are_those_of_the_set(process, order
 
 # A model that waits.
 
-WAITING = [
-    # gain of the process, θ, θm, n, all fast filters, all slow ones
-    (1.5, 1.0, 1.0, 1, True, True),
-    (2.5, 1.0, 1.0, 1, False, True),
-    (1.0, 1.1, 1.0, 1, False, True),
-    (1.0, 0.0, 1.0, 2, True, True),
-    (5.0, 0.0, 1.0, 3, True, True),
-    (7.0, 0.0, 1.0, 3, False, True),
-    (9.5, 1.0, 1.0, 3, False, False),
-    (-0.5, 1.0, 1.0, 2, False, False),
-]
 
-
-@pytest.mark.parametrize(("gain", "theta", "wait", "n", "fast", "slow"), WAITING)
-def test_the_ends_of_the_set_of_a_model_that_waits_are_as_the_limits_say(
-    gain, theta, wait, n, fast, slow
-):
-    process = nrdob.delay(theta) * (gain * lag) if theta else gain * lag
-    model = nrdob.delay(wait) * lag
-    assert stable_for_fast_filters(process, model, n).holds is fast
+@pytest.mark.parametrize(
+    ("gain", "theta", "n", "slow"),
+    [(2.5, 1.0, 1, True), (1.0, 1.1, 1, True), (7.0, 0.0, 3, True), (9.5, 1.0, 3, False)],
+)
+def test_a_dead_time_of_the_model_changes_nothing_for_slow_filters(gain, theta, n, slow):
+    process, model = nrdob.delay(theta) * (gain * lag), nrdob.delay(1.0) * lag
     assert stable_for_slow_filters(process, model, n).holds is slow
-    for time_constant, expected in ((1e-3, fast), (1e3, slow)):
-        F = nrdob.LowPassFilter(time_constant, n)
-        assert nrdob.judge_observer(process, model, F).stable is expected
-
-
-INTEGRATING = [
-    # gain and pole of the process, θ, θm, n, all fast filters
-    (0.9, -0.2, 0.1, 0.1, 2, True),
-    (1.2, -0.05, 0.0, 0.1, 1, True),
-    (2.3, 0.0, 0.1, 0.1, 2, False),
-    (0.9, -0.21, 0.12, 0.1, 2, False),
-    (5.0, -0.3, 0.0, 0.1, 3, True),
-    (9.0, -0.3, 0.0, 0.1, 3, False),
-]
-
-
-@pytest.mark.parametrize(("gain", "pole", "theta", "wait", "n", "fast"), INTEGRATING)
-def test_fast_filters_of_a_model_that_waits_and_integrates_are_as_the_verdict_says(
-    gain, pole, theta, wait, n, fast
-):
-    process, model = nrdob.delay(theta) * gain / (s - pole), nrdob.delay(wait) / s
-    assert stable_for_fast_filters(process, model, n).holds is fast
-    assert nrdob.judge_observer(process, model, nrdob.LowPassFilter(1e-3, n)).stable is fast
-
-
-def test_a_simple_ratio_of_dead_times_leaves_the_question_open_where_its_chains_allow():
-    # 1 - w + c w² with c > 1/4 has both roots outside the unit circle while c < 1.
-    model = nrdob.delay(1.0) * lag
-    for gain, holds in ((0.5, None), (1.5, False)):
-        assert stable_for_fast_filters(nrdob.delay(2.0) * (gain * lag), model, 1).holds is holds
+    assert nrdob.judge_observer(process, model, nrdob.LowPassFilter(1e3, n)).stable is slow
+    fast = stable_for_fast_filters(process, model, n)
+    assert fast.holds is None and "stabilizing_time_constants" in fast.reason
 
 
 @pytest.mark.parametrize("theta", [0.0, 1.0, 1.3])
@@ -384,19 +283,6 @@ def test_signs_forbid_the_same_to_a_model_that_waits(theta):
     assert fitting.holds is None and "dead time" in fitting.reason
 
 
-@pytest.mark.parametrize(("excess", "lam"), [(0, 3e-3), (1, 3e-4)])
-def test_two_dead_times_that_are_not_alike_leave_chains_for_fast_filters(excess, lam):
-    # The count by the argument in balls, which shares nothing with the package.
-    lag, more = Block([1.0], [1.0, 1.0]), Block([1.0], np.convolve([1.0, 1.0], [0.3, 1.0]))
-    delay, wait = 1.0, 1.0471975
-    process = nrdob.delay(delay) * ct.tf(*(more if excess else lag))
-    model = nrdob.delay(wait) * ct.tf(*lag)
-    answer = stable_for_fast_filters(process, model, 1)
-    assert answer.holds is False
-    loop = Plain(more if excess else lag, lag, lag, low_pass(lam, 1), delay, wait)
-    assert rhp_by_argument(p_B(loop)) > 0
-
-
 def test_points_at_which_signs_differ_are_named_the_positive_one_first():
     G, zero = ct.tf([4], [-1, -1, 2]), ct.tf([4, -2], [1, 3])
     for process, model, named in (
@@ -406,33 +292,6 @@ def test_points_at_which_signs_differ_are_named_the_positive_one_first():
     ):
         answer = stabilizing_filter_exists(process, model)
         assert answer.holds is False and answer.reason.endswith(f"opposite signs at {named}")
-
-
-@pytest.mark.parametrize("sign", [1, -1])
-def test_a_process_with_two_more_lags_than_a_model_that_waits_is_lost_from_one_side(sign):
-    # R tends to ∓1/ω²: with the minus |1 + R| is below 1 at every high frequency, and the roots
-    # near those of 1 + R = exp(-s) are on the right.
-    model, process = Block([1.0], [1.0, 1.0]), Block([sign], [1.0, 3.0, 3.0, 1.0])
-    answer = stable_for_fast_filters(ct.tf(*process), nrdob.delay(1.0) * ct.tf(*model), 2)
-    assert answer.holds is (False if sign > 0 else None) and "|1 + G/model|" in answer.reason
-    if sign > 0:
-        loop = Plain(process, model, model, low_pass(1e-4, 2), 0.0, 1.0)
-        assert rhp_by_argument(p_B(loop)) > 0
-
-
-@pytest.mark.parametrize(("gain", "holds"), [(3.0, False), (-3.0, None)])
-def test_more_lags_than_the_model_are_no_gain_error_where_both_wait(gain, holds):
-    # |1 - R|² = 1 + 2 gain/ω² + …: only the side from which it tends to 1 can be told.
-    answer = stable_for_fast_filters(nrdob.delay(1.0) * (gain * lag**3), nrdob.delay(1.0) * lag, 2)
-    assert answer.holds is holds and "tends to 1" in answer.reason
-
-
-@pytest.mark.parametrize(("gain", "holds"), [(1.0, None), (-1.0, False)])
-def test_a_pair_that_leaves_the_origin_along_the_axis_is_left_open(gain, holds):
-    # With F = 1/(λs + 1), and without s, which cancels, p_B is λ(s + 1)²(s + 3) + gain·s²: near 0
-    # it has the roots of 3λ + gain·s².
-    answer = stable_for_fast_filters(gain * s * lag**2, (s + 3) / s**2, 1)
-    assert answer.holds is holds and "0" in answer.reason
 
 
 def test_zeros_of_H_without_its_dead_time_forbid_nothing_behind_one():

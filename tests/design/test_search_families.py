@@ -29,17 +29,6 @@ def test_a_family_of_lags_is_judged_as_its_order_is():
     assert high == pytest.approx(expected, rel=1e-6)
 
 
-def test_of_several_families_the_one_that_rejects_most_is_taken():
-    families = [filter_family(kind, 2) for kind in ("butterworth", "bessel")]
-    best = design_filter(G, MODEL, order=families, max_ms=1.6)
-
-    def slope(F):
-        return abs(nrdob.NRDOB(G, MODEL, 1.0, F).S_d(1e-6j)) / 1e-6
-
-    alone = [design_filter(G, MODEL, order=family, max_ms=1.6) for family in families]
-    assert slope(best) == pytest.approx(min(map(slope, alone)), rel=1e-6)
-
-
 # A model that waits.
 
 
@@ -91,7 +80,7 @@ def test_lags_read_as_a_family_are_sampled_to_the_windows_that_their_order_exclu
     rng = np.random.default_rng(5)
     for _ in range(4):
         _, process, model = plant_and_model(rng)
-        order = Mismatch.of(process, model).order
+        order = Mismatch.of(process, model).family.order
         rows = filter_family("binomial", order)
         family = FilterFamily("own", rows.num, rows.den)
         limit = {"max_ms": float(rng.uniform(1.2, 3.0))}
@@ -126,7 +115,7 @@ def test_a_family_of_lags_with_dead_time_has_the_windows_of_its_order(max_ms):
     for _ in range(5):
         _, process, model = plant_and_model(rng)
         process = nrdob.delay(10 ** rng.uniform(-2, 0.5)) * getattr(process, "tf", process)
-        order = Mismatch.of(process, model).order
+        order = Mismatch.of(process, model).family.order
         one = admissible_time_constants(process, model, order, max_ms=max_ms)
         other = admissible_time_constants(
             process, model, filter_family("binomial", order), max_ms=max_ms

@@ -111,7 +111,7 @@ def test_a_box_ends_where_its_plants_begin_to_oscillate_within_a_narrow_band():
     model = ct.tf([0.0402, 0.103, 0.913], [0.00943, 0.0308, 0.907, 1])
     loop = nrdob.NRDOB(process, model, ct.tf([-1.04], [4.93, 4.88, 1]), LowPassFilter(1.28, 1))
     box = nrdob.largest_box(loop, delay=(0.0, 4.87), lag=(0.0, 0.0789))
-    corner = {name: high for name, (_, high) in box.sides.items()}
+    corner = {"delay": 4.87 * box.share, "lag": 0.0789 * box.share}
     for beyond, stable in ((1 - 1e-5, True), (1 + 1e-5, False)):
         delay, lag = corner["delay"] * beyond, corner["lag"] * beyond
         plant = nrdob.delay(delay) * process * ct.tf([1], [lag, 1])
@@ -124,7 +124,7 @@ def test_a_box_with_a_short_dead_time_ends_before_the_gain_margin():
     model = ct.tf([1.542, 2.114], [7.233, 3.249, 1])
     loop = nrdob.NRDOB(process, model, ct.tf([1.485], [0.383, 1]), LowPassFilter(2.94, 1))
     box = nrdob.largest_box(loop, gain=(0.766, 2.257), delay=(0.0, 0.114))
-    assert box.sides["gain"][1] < loop.margins().plant_loop.gm
+    assert 1 + box.share * (2.257 - 1) < loop.margins().plant_loop.gm
 
 
 def test_the_plant_that_is_named_waits_as_many_turns_as_the_box_allows():
@@ -252,7 +252,7 @@ def test_a_box_ends_where_a_corner_of_gain_and_no_dead_time_leave_the_lag_free()
         return changed.stability().observer_loop.rightmost.real
 
     longest = brentq(rightmost, 0.05, 0.1)
-    assert box.sides["lag"][1] == pytest.approx(longest, rel=1e-4)
+    assert 0.1 * box.share == pytest.approx(longest, rel=1e-4)
     assert box.critical is not None and box.critical["gain"] == pytest.approx(1.0, rel=1e-4)
 
 

@@ -32,7 +32,7 @@ def test_borders_separate_the_colours_of_a_map(number, x, y):
     loop = paper.example(number)
     start = loop.delay
     ranges = {name: (low, high) for name, low, high in (x, y)}
-    family = nrdob.plant_family(loop.process, **ranges, grid={x[0]: 12, y[0]: 12})
+    family = nrdob.plant_family(loop.process, **ranges, grid=12)
     table = nrdob.sweep(loop, family, "stable")
     assert 0.1 < table["stable"].mean() < 0.95 and table["decided"].all()
     rows = {"x": table[x[0]] + start * (x[0] == "delay"), "y": table[y[0]]}
@@ -70,8 +70,8 @@ def test_a_map_says_what_it_shows_and_wants_a_chart_of_the_same_two():
     plt.close("all")
     with pytest.raises(ValueError, match="the chart is of delay and gain"):
         table.plot_map("gain", "delay", chart=chart)
-    with pytest.raises(KeyError, match="no 'zero 1'"):
-        table.plot_map("gain", "zero 1")
+    with pytest.raises(KeyError, match="no 'lag'"):
+        table.plot_map("gain", "lag")
 
 
 def test_a_map_draws_no_border_at_a_lag_below_zero():

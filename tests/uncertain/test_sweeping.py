@@ -129,16 +129,14 @@ def test_the_share_is_bounded_as_clopper_and_pearson_do():
 
 def test_the_worst_come_first():
     loop = paper.example(3)
-    family = nrdob.plant_family(
-        loop.process, gain=(0.5, 2), lag=(0, 0.2), grid={"gain": 5, "lag": 4}
-    )
-    table = nrdob.sweep(loop, family, ("ms", "gm"))
+    family = nrdob.plant_family(loop.process, gain=(0.5, 2), lag=(0, 0.2), grid=5)
+    table = nrdob.sweep(loop, family, "ms")
     worst = table.worst(30)
     stable = worst["stable"]
     assert not stable[: (~stable).sum()].any()
     assert (np.diff(worst["ms"][stable]) <= 0).all() and len(table.worst(3)) == 3
     with pytest.raises(KeyError, match="the columns are"):
-        table["pm"]
+        table["gm"]
     assert "stable" in repr(table)
 
 
@@ -154,14 +152,12 @@ def test_what_cannot_be_swept_is_refused():
             nrdob.sweep(*given)
 
 
-def test_a_resonance_beside_a_crossing_does_not_hide_it():
+def test_a_resonance_beside_the_closest_point_does_not_hide_it():
     process = ct.tf([1.25022371], [66.00996982, 31.30550646, 2.1087145, 1.0])
     model = ct.tf([1], [9.37512818, 13.33847147, 6.32577382, 1.0])
     controller = ct.tf([4.15167212, 1.96893166], [2.10859127, 0.0])
     loop = nrdob.NRDOB(process, model, controller, LowPassFilter(20.734760868429852, 3))
-    family = nrdob.plant_family(process, gain=(0.3, 2.0), poles=(0.8, 1.25), samples=12, seed=10)
-    table = nrdob.sweep(loop, family, ("stable", "gm"))
-    assert table["gm"][3] == pytest.approx(8.593642713, rel=1e-6)
+    family = nrdob.plant_family(process, gain=(0.3, 2.0), lag=(0.0, 1.0), samples=12, seed=10)
     assert differences(loop, family, every=1) == []
 
 

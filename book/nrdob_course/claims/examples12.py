@@ -225,9 +225,15 @@ def _performance_2() -> Finding:
 @SECTION.check("ex2.family")
 def _family_2() -> Finding:
     loop, lam = example(2), 0.025
-    plants = plant_family(loop.process, zeros=(0.8, 1.2), lag=(0.0, 0.1), grid=21)
+
+    def with_zero(zero: float) -> tuple[list[float], list[float]]:
+        return [-10 / zero, 10.0], [1.0, 2.0]
+
+    plants = plant_family(
+        loop.process, parameters=with_zero, zero=(80.0, 120.0), lag=(0.0, 0.1), grid=21
+    )
     table = sweep(loop, plants, "stable")
-    z, T = 100 * table["zero 1"], table["lag"]
+    z, T = table["zero"], table["lag"]
     by_hand = bool((lam * (2 * lam - 1 / z) + T * (3 * lam - 2 / z) > 0).all())
     corners = [replace(loop, process=plants[k]).stability().stable for k in (0, 20, 420, 440)]
     least = 2 / (3 * lam)
