@@ -136,8 +136,7 @@ def browser() -> Iterator[Any]:
 
     with sync_playwright() as play:
         opened = play.chromium.launch(
-            executable_path=CHROMIUM,
-            args=["--no-sandbox", "--disable-gpu", "--disable-threaded-compositing", OFFLINE],
+            executable_path=CHROMIUM, args=["--no-sandbox", "--disable-gpu", OFFLINE]
         )
         yield opened
         opened.close()

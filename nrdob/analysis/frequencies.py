@@ -86,7 +86,9 @@ def _corners(factor: QuasiPolynomial) -> ComplexArray:
     """Roots of the factor's polynomials, each by itself, without those at s = 0."""
     found: list[ComplexArray] = []
     for q, _ in factor.terms:
-        if q.size > 1 and (p := np.trim_zeros(q)).size > 1:
+        used = q.nonzero()[0]
+        if used.size > 1:
+            p = q[used[0] : used[-1] + 1]
             found.append(polynomial_roots(p) if p.size <= 3 else companion_roots(p))
     return np.concatenate([np.empty(0, dtype=complex), *found])
 

@@ -163,14 +163,26 @@ def chosen(judged: list[Judged], duration: float) -> tuple[Judged, list[Judged],
 
 
 def denied_sign(
-    best: Judged, rivals: list[Judged], needless: bool
+    best: Judged, rivals: list[Judged], judged: list[Judged], needless: bool
 ) -> tuple[dict[str, Parameter], list[str]]:
-    """Let the interval of the gain reach to 0, or to the gain of a rival of the other sign."""
+    """Let the interval of the gain reach to 0, or to the gain of a rival of the other sign.
+
+    One that is clearly likelier denies the sign as well, however little it knows of the gain.
+    """
     gain = best.parameters["gain"]
     if needless:
         gain = replace(gain, low=min(gain.low, 0.0), high=max(gain.high, 0.0))
         return best.parameters | {"gain": gain}, []
-    others = [each for each in rivals if each.parameters["gain"].value * gain.value < 0]
+    likelier = [
+        each
+        for each in judged
+        if each not in rivals
+        and each.bic < best.bic - DECISIVE / 2
+        and not each.validation < 0
+        and each.fit.structure.integrates <= best.fit.structure.integrates
+        and np.isfinite(each.covariance).all()
+    ]
+    others = [each for each in rivals + likelier if each.parameters["gain"].value * gain.value < 0]
     if not others:
         return best.parameters, []
     names = " and ".join(each.fit.structure.name for each in others)

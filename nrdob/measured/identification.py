@@ -277,7 +277,7 @@ def identified(
         )
         for each in judged
     )  # fmt: skip
-    parameters, denied = denied_sign(best, rivals, needless)
+    parameters, denied = denied_sign(best, rivals, judged, needless)
     remarks = doubts(
         record, parameters, (best.fit_percent, best.validation, follows),
         sizes[1] * np.where(record.free[start:], whole.left(fit), 0.0), fit,

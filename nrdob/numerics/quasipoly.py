@@ -77,7 +77,7 @@ class QuasiPolynomial:
     def __post_init__(self) -> None:
         q, r = np.asarray(self.q, dtype=float), np.asarray(self.r, dtype=float)
         scale = self.scale
-        if not (self.delay or self.more or r.any()):  # the usual polynomial, in less time
+        if not (self.delay or self.more or r.any()):  # the usual polynomial
             scale = scale if scale.size else np.abs(q)
             q = trim(q, scale)
             self.__dict__.update(q=q, r=np.zeros(1), scale=scale[-q.size :])
@@ -112,6 +112,8 @@ class QuasiPolynomial:
     @property
     def degree(self) -> int:
         """Highest power of s that occurs."""
+        if not self.delay:  # the usual polynomial, in less time
+            return self.q.size - 1
         return max(term.q.size for term in self.terms) - 1 - self.divided
 
     @property

@@ -132,7 +132,7 @@ def value_and_slope(
 def _both(p: FloatArray, s: ComplexArray) -> tuple[ComplexArray, ComplexArray]:
     """Return a polynomial and its derivative at `s`."""
     both = np.zeros((p.size, 2), dtype=complex)
-    both[:, 0], both[:-1, 1] = p[::-1], np.polyder(p)[::-1]
+    both[:, 0], both[:-1, 1] = p[::-1], p[-2::-1] * np.arange(1, p.size)
     found = np.vander(s, p.size, increasing=True) @ both
     return found[:, 0], found[:, 1]
 

@@ -34,13 +34,12 @@ GROUPS = range(1, 13)  # tests/campaigns/misconceptions.py takes more of them
 @pytest.mark.slow
 def test_the_promise_is_kept_by_every_loop() -> None:
     rng, tried = np.random.default_rng(31), 0
-    accepts = PROBLEMS["3.1"].accepts
     for _ in range(300):
         m = random_loop(rng).margins().plant_loop
         if m.stable and m.ms > 1.001:
             case = PeakCase(m.ms)
             low, high, angle = margin_bounds(case.ms)
-            assert accepts(case, (low, high, angle)) is True
+            assert accepts(PROBLEMS["3.1"], case, (low, high, angle)) is True
             assert m.gm_low <= low * (1 + 1e-9) and m.gm_high >= high * (1 - 1e-9)
             assert m.pm >= angle * (1 - 1e-9)
             tried += 1
@@ -150,13 +149,12 @@ def test_every_gain_between_the_margins_is_a_counterexample() -> None:
 
 @pytest.mark.slow
 def test_every_design_in_the_room_that_is_left_counts() -> None:
-    accepts = PROBLEMS["3.6"].accepts
     for seed in GROUPS:
         case, good = draw_margin_loop(np.random.default_rng(seed))
         for share in (0.92, 1.0, 1.12):
-            assert accepts(case, LowPassFilter(share * good, 2)) is True
+            assert accepts(PROBLEMS["3.6"], case, LowPassFilter(share * good, 2)) is True
         for share in (0.65, 0.8, 1.2):
-            assert accepts(case, LowPassFilter(share * good, 2)) is not True
+            assert accepts(PROBLEMS["3.6"], case, LowPassFilter(share * good, 2)) is not True
     assert SHARES[0] < 0.8 < SHARES[1] < 1 < SHARES[2]
 
 
