@@ -128,7 +128,7 @@ def given_axis(which: str, given: Any) -> Axis:
     if name not in AXES:
         known = ", ".join(f'"{each}" ({what})' for each, what in AXES.items())
         raise ValueError(f"{which} is {name!r}; it must be one of {known}")
-    low, high = (real_number(end, f"an end of {which}", "give two numbers") for end in (low, high))
+    low, high = (real_number(end, f"an end of {which}", "give real numbers") for end in (low, high))
     if not (isfinite(low) and isfinite(high) and 0 <= low < high):
         raise ValueError(
             f"{which} reaches from {low} to {high}; give two increasing numbers, 0 or above"

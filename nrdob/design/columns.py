@@ -5,7 +5,6 @@ from __future__ import annotations
 from typing import Any, TypeVar
 
 import numpy as np
-from numpy.polynomial import polynomial
 from scipy.linalg import pascal
 
 from ..numerics import BoolArray, ComplexArray, FloatArray, companion_roots
@@ -132,10 +131,11 @@ def values_and_slopes(
     coefficients: ComplexArray, x: ComplexArray
 ) -> tuple[ComplexArray, ComplexArray]:
     """Polynomials, ascending coefficients in columns, at the points of the same columns."""
-    value, slope = (
-        polynomial.polyval(x, c, tensor=False)
-        for c in (coefficients, polynomial.polyder(coefficients))
-    )
+    value = np.zeros_like(x) + coefficients[-1]
+    slope = np.zeros_like(x)
+    for k in range(coefficients.shape[0] - 2, -1, -1):
+        slope = slope * x + value
+        value = value * x + coefficients[k]
     return value, slope
 
 

@@ -188,7 +188,7 @@ class Feedback:
         return stable, unstable
 
 
-# Sensitivity peaks of stable loops, without any frequency between two of which something resonates.
+# Sensitivity peaks of stable loops.
 
 
 def batch_peaks(feedback: Feedback, plants: PlantBatch) -> tuple[FloatArray, BoolArray]:
