@@ -175,7 +175,7 @@ def test_what_is_stable_is_coloured():
         ({"x": ("tempo", 0, 1), "y": ("delay", 0, 1)}, ValueError, "one of"),
         ({"x": ("gain", 1, 0.5), "y": ("delay", 0, 1)}, ValueError, "increasing"),
         ({"x": "gain", "y": ("delay", 0, 1)}, TypeError, "name, low, high"),
-        ({"x": ("gain", 1, "2"), "y": ("delay", 0, 1)}, TypeError, "two numbers"),
+        ({"x": ("gain", 1, "2"), "y": ("delay", 0, 1)}, TypeError, "real numbers"),
         ({"x": ("gain", 1, 2), "y": ("delay", 0, 1)}, TypeError, "whole family"),
         ({"x": ("gain", 1, 2), "y": ("time_constant", 0, 1), "ms": (0.9,)}, ValueError, "above 1"),
     ],
