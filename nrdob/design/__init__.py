@@ -13,8 +13,9 @@ from .closedforms import (
 from .controllers import design_controller
 from .existence import Answer, right_half_plane_parity, stabilizing_filter_exists
 from .fastandslow import gain_bound, stable_for_fast_filters, stable_for_slow_filters
+from .fastest import design_filter
 from .models import ModelCandidate, suggest_model
-from .search import Bracket, admissible_time_constants, design_filter, solved
+from .search import Bracket, admissible_time_constants, solved
 from .timeconstants import CriticalTimeConstant, critical_time_constants, stabilizing_time_constants
 from .youla import ObserverForm, observer_form, stable_model_exists
 
