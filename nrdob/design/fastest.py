@@ -67,7 +67,7 @@ def design_filter(
 
     See Also
     --------
-    admissible_time_constants : all time constants of one order that meet it.
+    nrdob.design.search.admissible_time_constants : all time constants of one order that meet it.
 
     Examples
     --------
