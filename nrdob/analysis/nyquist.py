@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 
 from ..diagram import Quotient, as_quotient
-from ..numerics import QuasiPolynomial, RootCount, Term, add, count_rhp
+from ..numerics import QuasiPolynomial, RootCount, Term, add, count_rhp, follow_together
 
 __all__ = [
     "NyquistCount",
@@ -57,6 +57,7 @@ def nyquist_count(
 ) -> NyquistCount:
     """Count encirclements from the factors of den and the closed-loop function p."""
     factors = tuple(open_loop)
+    follow_together([*factors, closed_loop])
     poles = sum(rhp_roots(factor) for factor in factors)
     zeros = count_rhp(closed_loop)
     if closed_loop.zeros_at_origin:

@@ -20,7 +20,14 @@ import numpy as np
 
 from ..certificates import Certificate, certify
 from ..diagram import LoopEquations, ObserverEquations
-from ..numerics import ComplexArray, QuasiPolynomial, count_rhp, unstable_roots, written
+from ..numerics import (
+    ComplexArray,
+    QuasiPolynomial,
+    count_rhp,
+    follow_together,
+    unstable_roots,
+    written,
+)
 from .nyquist import NyquistCount, nyquist_count
 
 __all__ = [
@@ -195,6 +202,7 @@ def stability(loop: LoopEquations) -> Stability:
     loop : LoopEquations
         With or without dead time in process and model.
     """
+    follow_together([*loop.CGm.den, loop.p_A, *loop.condition_ii.den, loop.p_B])
     model_loop = judge("C Gm (i)", loop.CGm.den, loop.p_A, loop.ill_posed_model_loop)
     observer_loop = observer_stability(loop)
     both = (model_loop, observer_loop)

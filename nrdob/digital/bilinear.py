@@ -48,7 +48,7 @@ Whole = NDArray[np.object_]
 
 FIRST, LAST = 128, 16384  # binary digits behind the point of the first and of the last attempt
 MULTIPLIED_OUT = 40  # samples of dead time up to which powers of 1 + v and 1 - v are multiplied out
-STEPS = 3  # halvings of a time near 1, after which Taylor's series is short
+STEPS = 10  # halvings of a time near 1, after which Taylor's series is short
 AT_NYQUIST = 1e-12  # distance of a pole from z = -1 at which it lies there
 ON_CIRCLE = 1e-9  # distance from the unit circle at which a sampling zero lies on it
 
@@ -361,7 +361,8 @@ def _held(given: _Given, share: Exact, bits: int) -> tuple[Whole, Whole]:
         # To the nearest: rounded down, what is negative would stay at -1 for ever.
         term = (2 * term * step + (k << bits)) // (k << bits + 1)
         held = held + term[:, 0]
-        term = np.vstack([-_times(a, term, bits), term[:-1]])
+        last, term = term, np.empty_like(term)
+        term[0], term[1:] = -_times(a, last, bits), last[:-1]
         Ad = Ad + term
     for _ in range(halvings):
         held = held + _times(Ad, held, bits)

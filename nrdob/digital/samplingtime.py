@@ -88,10 +88,10 @@ def largest_sampling_time(
             "the search: its time scales are too far apart to say where it becomes unstable"
         )
     end = float(brentq(lambda dt: min(excess(dt), 1.0), low, high, xtol=REFINED * high))
-    if excess(end * (1 + 1e-9)) < inf:
+    beside = end * (1 - 1e-6), end * (1 + 1e-6)
+    if max(map(excess, beside)) < inf:  # else it ends where "zoh" is refused
         inside, outside = (
-            SampledLoop(loop, end * beside, method, computation_delay).stability().stable
-            for beside in (1 - 1e-6, 1 + 1e-6)
+            SampledLoop(loop, dt, method, computation_delay).stability().stable for dt in beside
         )
         if inside is not True or outside is True:
             raise ArithmeticError(

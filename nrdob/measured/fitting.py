@@ -266,20 +266,34 @@ def _starting_points(
     structure: Structure, problem: Problem, whitening: Whitening, moving: bool
 ) -> list[FloatArray]:
     """Find shapes of small misfit through a filter, no two of them alike, the best first."""
-    count = problem.outputs.size
-    seen = whitening.applied(problem.inputs), whitening.applied(problem.outputs)
-    found = []
-    for shape in structure.shapes(count):
-        own, _ = np.linalg.qr(whitening.applied(structure.own(shape, count, moving).T))
-        misfit = _misfits(structure.forced(shape, seen[0]), seen[1], own.T)
-        for best in _valleys(misfit):
-            found.append((float(misfit[best]), np.concatenate([[float(best)], shape[1:]])))
-    found.sort(key=lambda each: each[0])
+    with_zero = replace(structure, name="", zero=True)
+    found = _looked_at(with_zero, problem, whitening, moving)[structure.numerators - 1]
     kept: list[FloatArray] = []
-    for _, shape in found:
+    for _, shape in sorted(found, key=lambda each: each[0]):
         if len(kept) < TRIES and all(np.abs(shape - other).max() > 1.0 for other in kept):
             kept.append(shape)
     return kept
+
+
+@lru_cache(maxsize=32)  # two structures differ by a zero alone
+def _looked_at(
+    structure: Structure, problem: Problem, whitening: Whitening, moving: bool
+) -> tuple[list[tuple[float, FloatArray]], ...]:
+    """Give misfits and shapes at the best dead times of many denominators, without a zero and with.
+
+    Without lags there is no zero.
+    """
+    count = problem.outputs.size
+    seen = whitening.applied(problem.inputs), whitening.applied(problem.outputs)
+    found: tuple[list[tuple[float, FloatArray]], ...] = ([], [])
+    for shape in structure.shapes(count):
+        own, _ = np.linalg.qr(whitening.applied(structure.own(shape, count, moving).T))
+        misfits = _misfits(structure.forced(shape, seen[0]), seen[1], own.T)
+        for places, misfit in zip(found, misfits, strict=False):
+            for best in _valleys(misfit):
+                at = np.concatenate([[float(best)], shape[1:]])
+                places.append((float(misfit[best]), at))
+    return found
 
 
 def _valleys(misfit: FloatArray) -> list[int]:
@@ -289,8 +303,11 @@ def _valleys(misfit: FloatArray) -> list[int]:
     return [int(k) for k in low[np.argsort(misfit[low])][:VALLEYS]]
 
 
-def _misfits(forced: FloatArray, outputs: FloatArray, own: FloatArray) -> FloatArray:
-    """Sum of squares that is left at each whole dead time, up to half the record."""
+def _misfits(forced: FloatArray, outputs: FloatArray, own: FloatArray) -> list[FloatArray]:
+    """Sum of squares that is left at each whole dead time, up to half the record.
+
+    By the first response alone, by the first two, and so on.
+    """
     count, delays = outputs.size, outputs.size // 2
     rest = outputs - (own @ outputs) @ own
     size = next_fast_len(2 * count, real=True)
@@ -304,5 +321,8 @@ def _misfits(forced: FloatArray, outputs: FloatArray, own: FloatArray) -> FloatA
     gram = (products - np.einsum("imd,ind->mnd", within, within)).transpose(2, 0, 1)
     ridge = 1e-9 * np.trace(products[..., 0]) + np.finfo(float).tiny
     gram += ridge * np.eye(forced.shape[0])
-    gain = np.linalg.solve(gram, onto.T[..., None])[..., 0]
-    return np.asarray(rest @ rest - np.einsum("md,dm->d", onto, gain))
+    misfits = []
+    for m in range(1, len(forced) + 1):
+        gain = np.linalg.solve(gram[:, :m, :m], onto[:m].T[..., None])[..., 0]
+        misfits.append(np.asarray(rest @ rest - np.einsum("md,dm->d", onto[:m], gain)))
+    return misfits

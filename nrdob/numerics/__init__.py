@@ -5,7 +5,7 @@ from .arrays import ROUNDING, BoolArray, ComplexArray, FloatArray, IntArray, is_
 from .coefficients import add, exponential_rest, pade
 from .crossings import bisect, golden, newton, side
 from .manypolynomials import convolved, hurwitz, padded_sum, values_and_slopes, values_on_axis
-from .quasipoly import QuasiPolynomial, multiply
+from .quasipoly import QuasiPolynomial, follow_together, multiply
 from .rootcount import RootCount, count_rhp, frequency_segments, unstable_roots
 from .rootfinding import companion_roots, polynomial_roots
 from .sharedfactor import Shared, factor_near, shared_factor
@@ -32,6 +32,7 @@ __all__ = [
     "count_rhp",
     "exponential_rest",
     "factor_near",
+    "follow_together",
     "frequency_range",
     "frequency_segments",
     "golden",

@@ -93,19 +93,40 @@ def rhp_counts(terms: Sequence[ManyTerms], scale: FloatArray) -> IntArray:
     [2, 0]
     """
     counts = np.full(scale.shape[1], -1)
+    with np.errstate(all="ignore"):  # what is not finite is not certain
+        roots = (len(scale) - 1) / 2 - _changes(terms, scale) / pi
+        whole = np.round(roots)
+        settled = np.abs(roots - whole) < 0.1
+    counts[settled] = whole[settled]
+    return counts
+
+
+def argument_changes(polynomials: Sequence[tuple[FloatArray, FloatArray]]) -> FloatArray:
+    """Follow the arguments of several polynomials from ω = 0 to infinity at once.
+
+    Of each are given its coefficients and their `scale`, both in descending powers. A change is nan
+    where it has to be followed alone: with a root on the axis within rounding, say.
+    """
+    together = np.zeros((2, max(q.size for q, _ in polynomials), len(polynomials)))
+    for k, given in enumerate(polynomials):
+        together[:, -given[0].size :, k] = given
+    q, scale = together
+    with np.errstate(all="ignore"):
+        return _changes([ManyTerms(q, np.zeros(1))], scale)
+
+
+def _changes(terms: Sequence[ManyTerms], scale: FloatArray) -> FloatArray:
+    """By how much the argument of each sum changes; nan where that is not certain."""
+    changes = np.full(scale.shape[1], nan)
     low, high, certain = frequency_range(terms, scale)
     known = np.flatnonzero(certain)
     for few in np.array_split(known, ceil(known.size / TOGETHER)) if known.size else ():
         slowest, fastest = float(low[few].min()), float(high[few].max())
         sums = Sums.between([term.of(few) for term in terms], scale[:, few], slowest, fastest)
         limit = max(MAX_STEPS // few.size, LEAST_STEPS)
-        with np.errstate(all="ignore"):  # what is not finite is not certain
-            found = certified(sums, slowest, fastest, limit, pass_zeros=False)
-            roots = (len(scale) - 1) / 2 - sums.changes(found.rounds) / pi
-            whole = np.round(roots)
-            settled = ~found.given_up & (np.abs(roots - whole) < 0.1)
-        counts[few[settled]] = whole[settled]
-    return counts
+        found = certified(sums, slowest, fastest, limit, pass_zeros=False)
+        changes[few] = np.where(found.given_up, nan, sums.changes(found.rounds))
+    return changes
 
 
 def frequency_range(
@@ -120,19 +141,21 @@ def frequency_range(
     terms, scale : sequence of ManyTerms, (k, n) array of float
         As for `rhp_counts`.
     """
-    lead = np.abs(terms[0].q[0])
+    sums = Sums(terms, scale, moderate=True)
+    top, lead = len(scale) - 1 - sums.degree, np.abs(sums.lead)
     rising = np.zeros((len(scale) + 1, scale.shape[1]))  # ascending
     rising[:-1] = scale[::-1]
     for q, delay in terms[1:]:  # |exp(-jωT) - 1| <= ωT
         rising[1 : len(q) + 1] += np.abs(q[::-1]) * delay
         if len(q) == len(scale):
             lead = lead - np.abs(q[0])
-    constant = np.abs(sum(term.q[-1] for term in terms))
+    constant = np.abs(sums.constant)
     with np.errstate(all="ignore"):
-        low = 1 / _dominance_radius(rising[1:] / constant)
-        high = _dominance_radius(scale[1:] / lead)
+        low = 1 / _dominance_radius(rising / constant, np.zeros(1, dtype=int))
+        high = _dominance_radius(scale / lead, top)
     low = np.where(constant > ROUNDING * scale[-1], low, 0.0)
-    certain = (low > 0) & (lead > ROUNDING * scale[0]) & np.isfinite(scale).all(axis=0)
+    leads = lead > ROUNDING * scale[top, np.arange(top.size)]
+    certain = (low > 0) & leads & np.isfinite(scale).all(axis=0)
     return low, high, certain
 
 
@@ -231,7 +254,8 @@ def _legs(terms: Sequence[Term], scale: FloatArray, origin: int) -> tuple[int, l
         sizes += np.convolve(np.abs(q[::-1]), series)[:count] * (T > 0)
     zeros = origin + int(np.argmax(np.abs(c[origin:]) > ROUNDING * sizes[origin:]))
     radius = min([high, *(1 / T for _, T in terms if T)])
-    rest, size = [Term(np.trim_zeros(c[: zeros - 1 : -1], "f"), 0.0)], sizes[: zeros - 1 : -1]
+    size = np.trim_zeros(sizes[: zeros - 1 : -1], "f")
+    rest = [Term(c[: zeros - 1 : -1][-size.size :], 0.0)]
     first, _ = _range_of_one(rest, size)
     near = _Leg(rest, size, min(first or radius, radius), radius)
     return zeros, [near, _Leg(terms, scale, radius, high)], unit
@@ -288,10 +312,11 @@ def _of_low_degree(q: FloatArray, scale: FloatArray) -> float | None:
     return pi if (b > 0) == (c > 0) else -pi
 
 
-def _dominance_radius(ratios: FloatArray) -> FloatArray:
-    """Radius beyond which the leading term, 1, exceeds the sum of the others (Fujiwara's bound)."""
-    powers = 1 / np.arange(1, len(ratios) + 1)[:, None]
-    return np.asarray(2.02 * np.max(ratios**powers, axis=0, initial=1e-300))
+def _dominance_radius(ratios: FloatArray, top: IntArray) -> FloatArray:
+    """Radius beyond which the term in row `top`, 1, exceeds the sum of those behind (Fujiwara)."""
+    behind = np.arange(len(ratios))[:, None] - top
+    powers = ratios ** (1 / np.maximum(behind, 1))
+    return np.asarray(2.02 * np.max(powers, axis=0, initial=1e-300, where=behind > 0))
 
 
 def _outside(stretches: Stretches, low: float, high: float) -> Stretches:

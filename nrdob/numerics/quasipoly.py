@@ -14,15 +14,16 @@ right half plane is known in independent ways, none of which approximates the de
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
 from functools import cached_property, reduce
 from itertools import product
-from math import factorial, inf, pi
+from math import factorial, inf, isnan, pi
 from typing import Any
 
 import numpy as np
 
-from .argument import ArgumentChange, Term, argument_change
+from .argument import ArgumentChange, Term, argument_change, argument_changes
 from .arrays import ROUNDING, BoolArray, ComplexArray, FloatArray
 from .coefficients import add, exponential, exponential_rest, horner, trailing_zeros, trim
 from .crossingcount import count_by_crossings, crossings_between
@@ -30,7 +31,7 @@ from .exact import rhp_count, whole
 from .longdelay import rightmost_roots
 from .rootfinding import delay_roots, polynomial_roots
 
-__all__ = ["QuasiPolynomial", "multiply"]
+__all__ = ["QuasiPolynomial", "follow_together", "multiply"]
 
 AT_ORIGIN = 1e-6  # size of a root, times the dead time, that is the one at s = 0
 
@@ -347,6 +348,29 @@ class QuasiPolynomial:
         start = equal.over_s(self.divided).rhp_in_whole_numbers
         change = crossings_between(self.q, (self.r, longer), moving, longer, shorter)
         return None if start is None or change is None else start + change
+
+
+def follow_together(functions: Iterable[QuasiPolynomial]) -> None:
+    """Find the changes in argument of polynomials at once, which takes less time than one by one.
+
+    Those that need more than a few steps; what has a dead time, or a root on the axis, is left.
+
+    Parameters
+    ----------
+    functions : iterable of QuasiPolynomial
+    """
+    parts = {id(part): part for part in (p.finite_part for p in functions)}
+    polynomials = [
+        p
+        for p in parts.values()
+        if p.q.size > 3 and not p.delay and "argument_change" not in p.__dict__
+    ]
+    if len(polynomials) < 2:
+        return
+    angles = argument_changes([(p.q, p.scale) for p in polynomials]).tolist()
+    for p, angle in zip(polynomials, angles, strict=True):
+        if not isnan(angle):
+            p.__dict__["argument_change"] = ArgumentChange(angle)
 
 
 def multiply(*factors: QuasiPolynomial) -> QuasiPolynomial:

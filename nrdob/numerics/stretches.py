@@ -108,7 +108,7 @@ class Certified(NamedTuple):
 
 
 class Sums(NamedTuple):
-    """Sums of terms, the first without dead time and of the highest degree.
+    """Sums of terms, the first without dead time and of the highest degree of its column.
 
     `scale` is as for `nrdob.numerics.rhp_counts`; `moderate` tells whether powers stay so far
     within the floating-point range that no unit is needed.
@@ -144,9 +144,16 @@ class Sums(NamedTuple):
         return np.asarray(_added([q[-1] for q, _ in self.terms]))
 
     @property
+    def degree(self) -> IntArray:
+        """Degree of each sum."""
+        return np.asarray(len(self.scale) - 1 - (self.scale > 0).argmax(axis=0))
+
+    @property
     def lead(self) -> ComplexArray:
         """Values of the leading terms on the axis, up to a positive factor."""
-        return np.asarray(self.terms[0].q[0] * 1j ** (len(self.scale) - 1))
+        degree = self.degree
+        ascending = np.broadcast_to(self.terms[0].q[::-1], self.scale.shape)
+        return np.asarray(ascending[degree, np.arange(degree.size)] * 1j**degree)
 
     def powers(self, omega: FloatArray) -> FloatArray:
         """Powers 0, 1, 2, … of frequencies along the first axis, up to a factor for each column.
@@ -355,7 +362,7 @@ def _coefficient(rows: list[FloatArray], m: int, first: int) -> FloatArray:
 def _rows(q: FloatArray, powers: FloatArray) -> FloatArray | list[FloatArray]:
     """Terms of polynomials in ascending powers: an array where that takes less time, see `FEW`."""
     ascending, powers = q[::-1], powers[: len(q)]
-    if powers[0].size < FEW and (q.ndim < 3 or q.shape[1] == 1):
+    if np.broadcast(q[0], powers[0]).size < FEW:
         return ascending * powers
     return [c * power for c, power in zip(ascending, powers, strict=True)]
 

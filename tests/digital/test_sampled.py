@@ -560,6 +560,16 @@ def test_a_matched_loop_behind_a_hold_is_stable_however_slow_the_samples():
     assert largest_sampling_time(loop, "zoh") == math.inf
 
 
+@pytest.mark.slow
+def test_behind_a_hold_the_search_ends_where_nothing_is_left_in_the_filter():
+    # With its own process a loop is stable for every dt; from some dt on it cannot be told so.
+    loop = paper.example(1)
+    end = largest_sampling_time(loop, "zoh")
+    assert loop.sampled(0.9 * end, method="zoh").stability().stable
+    with pytest.raises(ValueError, match="nothing is left in the filter"):
+        loop.sampled(1.1 * end, method="zoh")
+
+
 def test_a_loop_that_is_not_stable_has_no_largest_sampling_time():
     loop = nrdob.NRDOB(1 / (s - 1), 1 / (s + 1), 1.0, nrdob.LowPassFilter(5.0, 1))
     with pytest.raises(ValueError, match="not stable in continuous time"):

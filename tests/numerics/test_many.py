@@ -11,6 +11,7 @@ from nrdob.numerics import (
     QuasiPolynomial,
     convolved,
     count_rhp,
+    follow_together,
     hurwitz,
     padded_sum,
     rhp_counts,
@@ -36,6 +37,32 @@ def test_routh_and_the_turns_count_the_roots_that_polynomials_were_made_of(degre
     assert np.array_equal(left, right == 0) and np.array_equal(not_left, right > 0)
     counts = rhp_counts([ManyTerms(p, np.zeros(1))], np.abs(p))
     assert np.array_equal(counts, right)
+
+
+def test_polynomials_of_all_degrees_and_time_scales_turn_together_as_they_do_alone():
+    rng = np.random.default_rng(0)
+    for _ in range(20):
+        made = []
+        for degree in rng.integers(3, 12, 6):
+            p, right = _from_roots(rng, degree, 1)
+            unit = (10.0 ** rng.uniform(-4, 4)) ** np.arange(degree + 1)
+            made.append((p[:, 0] * unit * 10.0 ** rng.uniform(-5, 5), right[0]))
+        # One with a root on the axis, one behind a root at s = 0, and one with a dead time.
+        beside = [
+            QuasiPolynomial(np.poly([2j, -2j, -1]).real),
+            QuasiPolynomial([1.0, 2.0, 2.5, 3.0, 0.0]),
+            QuasiPolynomial([1.0, 2.0, 2.0, 1.0], [0.3], 1.0),
+        ]
+        together = [QuasiPolynomial(p) for p, _ in made] + beside
+        follow_together(together)
+        found = [p.finite_part for p in together if "argument_change" in vars(p.finite_part)]
+        assert found == [p.finite_part for p in (*together[:6], together[7])]
+        for p in found:
+            alone = QuasiPolynomial(p.q).argument_change.angle
+            assert p.argument_change.angle == pytest.approx(alone, abs=1e-9)
+        for p, (_, right) in zip(together, made, strict=False):
+            assert count_rhp(p).count == right
+        assert count_rhp(together[6]).count is None and count_rhp(together[8]).count == 0
 
 
 def test_a_root_on_the_axis_within_rounding_is_left_open():
