@@ -48,7 +48,7 @@ Whole = NDArray[np.object_]
 
 FIRST, LAST = 128, 16384  # binary digits behind the point of the first and of the last attempt
 MULTIPLIED_OUT = 40  # samples of dead time up to which powers of 1 + v and 1 - v are multiplied out
-STEPS = 10  # halvings of a time near 1, after which Taylor's series is short
+STEPS = 6  # halvings of a time near 1, after which Taylor's series is short
 AT_NYQUIST = 1e-12  # distance of a pole from z = -1 at which it lies there
 ON_CIRCLE = 1e-9  # distance from the unit circle at which a sampling zero lies on it
 

@@ -152,9 +152,10 @@ def _paired(zeros: ComplexArray, poles: ComplexArray, gain: float) -> tuple[Sect
         num = min(fitting, key=lambda num: abs(_mean(num) - _mean(den)), default=np.ones(1))
         nums = [other for other in nums if other is not num]
         sign = np.sign(gain) if not found else 1.0
-        # Short factors are padded: a first-order one ends with 0, a numerator may begin with 0.
-        b = np.pad(sign * share * num, (den.size - num.size, 3 - den.size))
-        found.append(Section(*b.tolist(), *np.pad(den[1:], (0, 3 - den.size)).tolist()))
+        # A numerator may begin with 0, and a factor of first order ends with it.
+        late, end = [0.0] * (den.size - num.size), [0.0] * (3 - den.size)
+        b, a = (sign * share * num).tolist(), den[1:].tolist()
+        found.append(Section(*late, *b, *end, *a, *end))
     return tuple(sorted(found, key=lambda section: section.integrates))
 
 
