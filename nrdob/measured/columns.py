@@ -26,6 +26,12 @@ SIGNALS = {
 """Headings of input and output, without units and in small letters; with numbers if there are
 several."""
 
+LIKELY = {
+    "u": ("q", "heater", "valve", "dac", "pwm", "duty", "esc", "voltage", "effort", "command"),
+    "y": ("t", "temp", "temperature", "level", "flow", "pressure", "adc", "angle", "speed", "rpm"),
+}
+"""Words in headings of which the example in a question is made; nothing is taken for them."""
+
 # Headings of columns that number the rows: never taken for times.
 COUNTERS = ("sample", "samples", "index", "n", "k", "i", "no", "nr", "step", "count", "row", "id")
 SAMPLING = "give the sampling time (--sampling-time 0.1; in Python sampling_time=0.1)"
@@ -130,7 +136,10 @@ def _question(
     if len(left) < len(lacking):
         wanted = [what for what in ("t", "u", "y") if what in {*example, *lacking}]
         return f"{len(wanted)} are needed: {', '.join(wanted)}{more}"
-    example |= dict(zip(lacking, left, strict=False))
+    for what in lacking:
+        free = [k for k in left if k not in example.values()]
+        likely = (k for k in free if not {*LIKELY.get(what, ())}.isdisjoint(_words(heads[k])))
+        example[what] = next(likely, free[0])
     asks = [
         f"{what} may be {' or '.join(_called(k, heads) for k in each)}"
         for what, each in several.items()

@@ -231,12 +231,12 @@ REFUSED = {
         "u may be 'u1' or 'u2': choose, such as --columns t=Time,u=u1,y=y; in Python columns=",
     ),
     "which of four": (
-        replaced(lambda k: f"{GOOD[k]},1,1", "Time,Q1,Q2,T1,T2"),
-        "the columns 1 'Time', 2 'Q1', .* which holds u, y is not known: choose",
+        replaced(lambda k: f"{GOOD[k]},1,1", "Time,T1,T2,Q1,Q2"),
+        "the columns 1 'Time', 2 'T1', .* not known: choose, such as --columns t=Time,u=Q1,y=T1",
     ),
     "a counter beside the times": (
         replaced(lambda k: f"{k},20,{GOOD[k]}", "Nr,room,Uhr [min],valve,oven"),
-        "choose, such as --columns t=3,u=room,y=valve",
+        "choose, such as --columns t=3,u=valve,y=room",
     ),
     "one name twice": (
         replaced(lambda k: f"{GOOD[k]},1", "t,u,y,u"), "u may be 'u' or 'u'",
