@@ -22,6 +22,7 @@ SETTLED = 2.0  # lags that a record must last after the input first moves
 FAR = 8.0  # deviations from the samples around it at which a sample is an outlier
 TAIL = 0.95  # share of the samples from the rest of which the tails of the noise are seen
 DRIFTED = 0.05  # share of the output's range from which on a drift is told
+PULSE = 4  # samples before a spike in which the input may explain it
 PAST = 20  # samples over which a controller is looked for
 # Correlation of u with what disturbed y, and its probability by chance, that tell of one.
 FEEDBACK, NEVER = 0.3, 1e-6
@@ -102,12 +103,32 @@ def _outliers(record: Record, residual: FloatArray, start: int) -> Iterator[str]
     tail = float(np.quantile(apart, TAIL)) / float(norm.ppf(0.5 + TAIL / 2))
     scale = max(tail, float(np.median(steps[steps > 0])))
     far = np.flatnonzero(apart > FAR * scale)
-    if far.size:
+    if (spike := _spike(record)) is not None:  # the fit may have followed it
+        yield (
+            f"y is {record.y[spike]:g} at {record.t[spike]:g} s, far from the samples beside it: "
+            "if that is an outlier, replace it by its neighbours, for it pulls the fit"
+        )
+    elif far.size:
         k = start + int(far[np.argmax(apart[far])])
         yield (
             f"{far.size} samples of y are outliers, such as {record.y[k]:g} at "
             f"{record.t[k]:g} s: correct or replace them by their neighbours, for they pull the fit"
         )
+
+
+def _spike(record: Record) -> int | None:
+    """Find a sample beside which y goes away and back, or from which it begins, unlike elsewhere.
+
+    The input does not do so before it.
+    """
+    steps, moves = np.diff(record.y), record.inputs
+    sizes = np.abs(steps)
+    back = np.where(steps[:-1] * steps[1:] < 0, np.minimum(sizes[:-1], sizes[1:]), 0.0)
+    leaps = np.array([0.0 if moves[:2].any() else sizes[0], *back])
+    k = int(leaps.argmax())
+    others = np.delete(sizes, [k - 1, k] if k else [0])
+    pulses = np.count_nonzero(np.diff(moves[max(k - PULSE, 0) : k + 1])) > 1
+    return k if leaps[k] > FAR * others.max() and not pulses else None
 
 
 def _drift(record: Record, residual: FloatArray, fit: Fit) -> Iterator[str]:

@@ -159,6 +159,9 @@ def _parted(kept: Sequence[tuple[int, str]], separator: str) -> tuple[list[list[
             lines.append(number)
     if not rows:
         raise ValueError("no line of the file holds anything but separators")
+    while not any(row[-1].strip() for row in rows):  # what ends each line begins no column
+        for row in rows:
+            row.pop()
     return rows, lines
 
 

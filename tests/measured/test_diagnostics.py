@@ -243,6 +243,25 @@ def test_outliers_are_told():
     assert said.startswith("3 samples of y are outliers") and "at 333 s" in said
 
 
+@pytest.mark.parametrize("begins", [True, False])
+def test_a_spike_that_the_fit_may_follow_is_told(begins):
+    t, u, y = lag(np.where(np.arange(240) < 120, 0.0, 1.0))
+    y = y + 30
+    if begins:  # the sensor was not ready
+        y[0] = 3.75
+    else:  # right after a step, where a structure with a zero makes it a response
+        y[120] = 1482
+    place = "y is 3.75 at 0 s" if begins else "y is 1482 at 120 s"
+    assert any(said.startswith(f"{place}, far from the samples") for said in told(t, u, y))
+
+
+def test_what_a_pulse_of_the_input_does_is_no_spike():
+    inputs = np.where(np.arange(200) % 100 == 60, 1.0, 0.0)
+    t, u, y = np.arange(200), inputs, np.append(0.0, 3 * inputs[:-1])
+    y = y + 0.01 * np.random.default_rng(0).standard_normal(200)
+    assert not [each for each in told(t, u, y) if "far from" in each]
+
+
 def test_an_outlier_upon_a_drift_is_told():
     t, u, y = lag(switched(200))
     y = y + np.sin(2 * np.pi * t / 200)

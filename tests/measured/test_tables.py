@@ -65,6 +65,7 @@ DRESSES = {
     "one name is known": (lines("time,voltage,temperature", plain), {}),
     "no name is known": (lines("ts,q,th", plain), {}),
     "no headings": (lines("", plain), {}),
+    "a tab behind each line": (lines("", lambda *each: (*plain(*each), ""), "\t"), {}),
     "two inputs and outputs": (
         lines("Time,Q1,Q2,T1,T2", lambda *each: (*four(*each)[:4], plain(*each)[2])), ASKED,
     ),
