@@ -32,6 +32,7 @@ __all__ = [
     "ArgumentChange",
     "Term",
     "argument_change",
+    "argument_changes",
     "frequency_range",
     "rhp_counts",
     "zero_free",
