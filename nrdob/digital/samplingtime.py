@@ -89,15 +89,16 @@ def largest_sampling_time(
         )
     end = float(brentq(lambda dt: min(excess(dt), 1.0), low, high, xtol=REFINED * high))
     beside = end * (1 - 1e-6), end * (1 + 1e-6)
-    if max(map(excess, beside)) < inf:  # else it ends where "zoh" is refused
-        inside, outside = (
-            SampledLoop(loop, dt, method, computation_delay).stability().stable for dt in beside
+    try:
+        loops = [SampledLoop(loop, dt, method, computation_delay) for dt in beside]
+    except ValueError:  # it ends where "zoh" is refused
+        return end
+    inside, outside = (each.stability().stable for each in loops)
+    if inside is not True or outside is True:
+        raise ArithmeticError(
+            f"the loop seems to become unstable at dt = {end:.9g} s, but the counts beside it "
+            "do not confirm it"
         )
-        if inside is not True or outside is True:
-            raise ArithmeticError(
-                f"the loop seems to become unstable at dt = {end:.9g} s, but the counts beside it "
-                "do not confirm it"
-            )
     return end
 
 

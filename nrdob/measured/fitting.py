@@ -267,7 +267,7 @@ def _starting_points(
 ) -> list[FloatArray]:
     """Find shapes of small misfit through a filter, no two of them alike, the best first."""
     with_zero = replace(structure, name="", zero=True)
-    found = _looked_at(with_zero, problem, whitening, moving)[structure.numerators - 1]
+    found = _landscape(with_zero, problem, whitening, moving)[structure.numerators - 1]
     kept: list[FloatArray] = []
     for _, shape in sorted(found, key=lambda each: each[0]):
         if len(kept) < TRIES and all(np.abs(shape - other).max() > 1.0 for other in kept):
@@ -276,7 +276,7 @@ def _starting_points(
 
 
 @lru_cache(maxsize=32)  # two structures differ by a zero alone
-def _looked_at(
+def _landscape(
     structure: Structure, problem: Problem, whitening: Whitening, moving: bool
 ) -> tuple[list[tuple[float, FloatArray]], ...]:
     """Give misfits and shapes at the best dead times of many denominators, without a zero and with.

@@ -94,10 +94,9 @@ def rhp_counts(terms: Sequence[ManyTerms], scale: FloatArray) -> IntArray:
     [2, 0]
     """
     counts = np.full(scale.shape[1], -1)
-    with np.errstate(all="ignore"):  # what is not finite is not certain
-        roots = (len(scale) - 1) / 2 - _changes(terms, scale) / pi
-        whole = np.round(roots)
-        settled = np.abs(roots - whole) < 0.1
+    roots = (len(scale) - 1) / 2 - _changes(terms, scale) / pi
+    whole = np.round(roots)
+    settled = np.abs(roots - whole) < 0.1
     counts[settled] = whole[settled]
     return counts
 
@@ -112,8 +111,7 @@ def argument_changes(polynomials: Sequence[tuple[FloatArray, FloatArray]]) -> Fl
     for k, given in enumerate(polynomials):
         together[:, -given[0].size :, k] = given
     q, scale = together
-    with np.errstate(all="ignore"):
-        return _changes([ManyTerms(q, np.zeros(1))], scale)
+    return _changes([ManyTerms(q, np.zeros(1))], scale)
 
 
 def _changes(terms: Sequence[ManyTerms], scale: FloatArray) -> FloatArray:
@@ -125,8 +123,9 @@ def _changes(terms: Sequence[ManyTerms], scale: FloatArray) -> FloatArray:
         slowest, fastest = float(low[few].min()), float(high[few].max())
         sums = Sums.between([term.of(few) for term in terms], scale[:, few], slowest, fastest)
         limit = max(MAX_STEPS // few.size, LEAST_STEPS)
-        found = certified(sums, slowest, fastest, limit, pass_zeros=False)
-        changes[few] = np.where(found.given_up, nan, sums.changes(found.rounds))
+        with np.errstate(all="ignore"):  # what is not finite is not certain
+            found = certified(sums, slowest, fastest, limit, pass_zeros=False)
+            changes[few] = np.where(found.given_up, nan, sums.changes(found.rounds))
     return changes
 
 

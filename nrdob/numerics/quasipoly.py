@@ -353,7 +353,8 @@ class QuasiPolynomial:
 def follow_together(functions: Iterable[QuasiPolynomial]) -> None:
     """Find the changes in argument of polynomials at once, which takes less time than one by one.
 
-    Those that need more than a few steps; what has a dead time, or a root on the axis, is left.
+    A dead time, or a root on the axis, is left to `argument_change`, and so are degrees 1 and 2,
+    where the coefficients tell.
 
     Parameters
     ----------
@@ -370,7 +371,7 @@ def follow_together(functions: Iterable[QuasiPolynomial]) -> None:
     angles = argument_changes([(p.q, p.scale) for p in polynomials]).tolist()
     for p, angle in zip(polynomials, angles, strict=True):
         if not isnan(angle):
-            p.__dict__["argument_change"] = ArgumentChange(angle)
+            p.__dict__["argument_change"] = ArgumentChange(angle)  # as if asked for
 
 
 def multiply(*factors: QuasiPolynomial) -> QuasiPolynomial:

@@ -108,7 +108,7 @@ class Certified(NamedTuple):
 
 
 class Sums(NamedTuple):
-    """Sums of terms, the first without dead time and of the highest degree of its column.
+    """Sums of terms, of each the first without dead time and of its highest degree.
 
     `scale` is as for `nrdob.numerics.rhp_counts`; `moderate` tells whether powers stay so far
     within the floating-point range that no unit is needed.
