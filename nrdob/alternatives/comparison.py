@@ -65,7 +65,7 @@ class Row:
     noise_y: float = nan
     noise_u: float = nan
     peak_u: float = nan
-    changed: Mapping[str, float] = field(default_factory=dict)
+    changed: Mapping[str, float] = field(default_factory=dict, hash=False)
     loop: NRDOB | None = None
 
 
@@ -150,10 +150,10 @@ class Comparison:
         heads = ["Ms, " + name if changed else COLUMNS[name] for name, changed in shown]
         table = [["", "tuning", *heads]]
         for row in self.rows:
-            cells = [
-                _number(row.changed[name], "unstable") if changed else _number(getattr(row, name))
-                for name, changed in ([] if row.reason else shown)
-            ]
+            cells = []
+            for name, changed in [] if row.reason else shown:
+                value = row.changed.get(name, nan) if changed else getattr(row, name)
+                cells.append(_number(value, "unstable" if changed else "-"))
             table.append([row.name, row.tuning, *(cells or [""] * len(shown))])
         return table
 
@@ -284,5 +284,5 @@ def _ms(loop: NRDOB) -> float:
     return quotient_margins(loop.L, True).ms if loop.stability().stable else nan
 
 
-def _number(value: float, missing: str = "-") -> str:
+def _number(value: float, missing: str) -> str:
     return missing if isnan(value) else f"{value:.4g}"

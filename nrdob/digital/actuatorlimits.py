@@ -48,14 +48,15 @@ class ActuatorLimits:
                     f"{name} is {value!r}; limits are numbers in the unit of u, and inf where "
                     "there is none"
                 )
-        if not self.low < self.high:
+        low, high, rate = float(self.low), float(self.high), float(self.rate)
+        if not low < high:
             raise ValueError(
-                f"the limits of u are low = {self.low:g} and high = {self.high:g}; low must be "
-                "below high: is it ActuatorLimits(low, high)?"
+                f"the limits of u are low = {low:g} and high = {high:g}; low must be below high: "
+                "is it ActuatorLimits(low, high)?"
             )
-        if not self.rate > 0:
+        if not rate > 0:
             raise ValueError(
-                f"the rate limit is {self.rate:g}; it is the largest change of u in a second and "
+                f"the rate limit is {rate:g}; it is the largest change of u in a second and "
                 "must be positive: leave it out (inf) if there is none"
             )
 

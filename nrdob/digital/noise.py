@@ -58,7 +58,10 @@ def _covariance(A: FloatArray, B: FloatArray) -> FloatArray:
 def _shaping(shaping: Any, dt: float) -> Any:
     """Read a shaping filter: a number or a state space."""
     if is_number(shaping):
-        return float(shaping)
+        value = complex(shaping)
+        if value.imag or not np.isfinite(value):
+            raise ValueError(f"shaping is {shaping}; give a finite real number, or a block")
+        return value.real
     if not isinstance(shaping, ct.TransferFunction | ct.StateSpace):
         raise TypeError(
             f"shaping is a {type(shaping).__name__}; give a discrete-time block, such as "
@@ -74,6 +77,8 @@ def _shaping(shaping: Any, dt: float) -> Any:
             f"discrete-time block with dt = {dt:g}"
         )
     system = ct.ss(shaping)
+    if not all(np.isfinite(M).all() for M in (system.A, system.B, system.C, system.D)):
+        raise ValueError("shaping has coefficients that are not finite; give its numbers")
     if (size := np.abs(system.poles()).max(initial=0.0)) >= STABLE:
         raise ValueError(
             f"shaping has a pole of size {size:.6g}: behind it noise has no finite "

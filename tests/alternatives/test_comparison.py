@@ -1,5 +1,6 @@
 """The table: the same limits for all, every number as its own function gives it, no row raises."""
 
+from dataclasses import replace
 from functools import cache
 from math import inf, isnan, sqrt
 
@@ -9,7 +10,16 @@ import pytest
 
 import nrdob
 from nrdob import delay
-from nrdob.alternatives import candidates, controller_alone, linear_adrc, load_errors, simc_pi, tune
+from nrdob.alternatives import (
+    Comparison,
+    Row,
+    candidates,
+    controller_alone,
+    linear_adrc,
+    load_errors,
+    simc_pi,
+    tune,
+)  # fmt: skip
 from nrdob.alternatives.measures import step_peak
 from nrdob.diagram import DelayedTransferFunction
 
@@ -114,6 +124,8 @@ def test_a_plant_that_makes_the_loop_unstable_says_so_in_the_table():
               for plant in away.values()]  # fmt: skip
     assert [not isnan(ms) for ms in found["NR-DOB"].changed.values()] == stable
     assert "unstable" in repr(found)
+    by_hand = Comparison((Row("PI", "", True, ""),), ("three times the gain",))
+    assert "unstable" in repr(by_hand) and hash(by_hand) == hash(replace(by_hand))
 
 
 @pytest.mark.slow

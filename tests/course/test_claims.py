@@ -32,7 +32,7 @@ from nrdob_course.claims import (
     settle,
     signals,
 )
-from nrdob_course.claims.ledger import WIDTH, Section
+from nrdob_course.claims.ledger import WIDTH, Section, in_one_ledger
 
 SECTIONS = (
     section2, bands, lemma1, mismatch, robustness, examples12, example3, example4, conclusions,
@@ -93,6 +93,14 @@ def test_an_unknown_id_is_named_with_those_near_it():
         claims.check("eq04.T_X")
     with pytest.raises(KeyError, match="no claim 'nonsense'; near it: nothing"):
         claims.check("nonsense")
+
+
+def test_an_id_stands_in_one_section_only():
+    first, second = (Section({"x": TEXT | {"place": place}}) for place in ("p. 0", "p. 1"))
+    for section in (first, second):
+        section.check("x")(lambda: Finding(True, ""))
+    with pytest.raises(ValueError, match=r"two claims have the id 'x': those of p\. 0 and p\. 1"):
+        in_one_ledger([first, second])
 
 
 def test_texts_and_checks_belong_together():

@@ -100,6 +100,15 @@ def test_an_unstable_sampled_loop_and_unfit_shaping_are_refused():
         sampled("lag").noise_variance(ct.tf([1], [1, -1.2], DT))
     with pytest.raises(TypeError, match="shaping is a list; give a discrete-time block"):
         sampled("lag").noise_variance([1, 2])
+    assert sampled("lag").noise_variance(np.array(0.5)) == sampled("lag").noise_variance(0.5)
+
+
+@pytest.mark.parametrize("value", [np.nan, np.inf, 1 + 1j])
+def test_shaping_that_is_no_finite_number_is_refused(value):
+    with pytest.raises(ValueError, match=r"shaping is .*; give a finite real number, or a block"):
+        sampled("lag").noise_variance(value)
+    with pytest.raises(ValueError, match="shaping has coefficients that are not finite"):
+        sampled("lag").noise_variance(ct.ss([[0.5]], [[1]], [[np.nan]], [[0]], DT))
 
 
 @pytest.mark.parametrize("ratio", [0.02, 0.5, 1.9])

@@ -1,5 +1,6 @@
 """The sampled loop run with limits: against a fine grid, closed forms, and linear simulations."""
 
+from fractions import Fraction
 from math import inf
 
 import control as ct
@@ -328,6 +329,8 @@ def test_a_signal_that_cannot_be_is_refused_with_its_remedy(inputs, more, error,
     [
         ((1.0, 1.0), ValueError, "low must be below high"),
         ((2.0, 1.0), ValueError, r"low = 2 and high = 1.*is it ActuatorLimits\(low, high\)"),
+        ((Fraction(5, 2), Fraction(1)), ValueError, r"low = 2\.5 and high = 1"),
+        ((0.0, 1.0, Fraction(-1, 2)), ValueError, r"the rate limit is -0\.5"),
         ((np.nan, 1.0), ValueError, "low must be below high"),
         ((0.0, 1.0, 0.0), ValueError, "the rate limit is 0.*must be positive"),
         ((0.0, 1.0, -5.0), ValueError, "must be positive"),

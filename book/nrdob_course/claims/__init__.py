@@ -18,7 +18,7 @@ from . import (
     robustness,
     section2,
 )
-from .ledger import Amendment, Claim, Entry, Finding, LedgerError, Verdict, settle
+from .ledger import Amendment, Claim, Entry, Finding, LedgerError, Verdict, in_one_ledger, settle
 from .signals import loop_modes
 
 __all__ = [
@@ -30,7 +30,7 @@ _PARTS = (  # as in the paper
     section2, bands, lemma1, mismatch, robustness, examples12, example3, example4, conclusions,
 )  # fmt: skip
 
-LEDGER: dict[str, Claim] = {claim.id: claim for part in _PARTS for claim in part.SECTION.claims}
+LEDGER = in_one_ledger(part.SECTION for part in _PARTS)
 """Every claim by its id, in the order of the paper.
 
 :meta hide-value:

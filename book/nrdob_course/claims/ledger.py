@@ -8,14 +8,14 @@ found; a claim whose check has not run, or did not find what the ledger says, ha
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 from enum import StrEnum
 from textwrap import TextWrapper
 
 __all__ = [
     "WIDTH", "Amendment", "Check", "Claim", "Entry", "Finding", "LedgerError", "Section", "Verdict",
-    "settle",
+    "in_one_ledger", "settle",
 ]  # fmt: skip
 
 WIDTH = 95
@@ -224,3 +224,19 @@ class Section:
         if missing := [id for id in self.texts if id not in self._entered]:
             raise ValueError(f"no check for {', '.join(missing)}; write one below @SECTION.check")
         return [self._entered[id] for id in self.texts]
+
+
+def in_one_ledger(sections: Iterable[Section]) -> dict[str, Claim]:
+    """Put the claims of all sections together by id; a chapter cites one by it, so none is twice.
+
+    >>> in_one_ledger([Section({}), Section({})])
+    {}
+    """
+    ledger: dict[str, Claim] = {}
+    for claim in (claim for section in sections for claim in section.claims):
+        if (other := ledger.setdefault(claim.id, claim)) is not claim:
+            raise ValueError(
+                f"two claims have the id {claim.id!r}: those of {other.place} and {claim.place}; "
+                "rename one"
+            )
+    return ledger
