@@ -28,6 +28,12 @@ ALONE = 3
 """How many times as decisive an integrator must be where no part of the record was held out."""
 
 
+TOGETHER = 0.9
+"""Correlation of gain and lag from which on the one is not told from the other."""
+
+SLOWNESS = {"lag", "slow lag", "natural frequency"}
+
+
 @dataclass(frozen=True, eq=False)
 class Judged:
     """A fit and what it is worth."""
@@ -39,6 +45,7 @@ class Judged:
     predicted: FloatArray
     parameters: dict[str, Parameter]
     covariance: FloatArray
+    hides: bool
 
     def vague(self, duration: float) -> bool:
         """Whether the gain may be zero, or a lag lasts longer than the record.
@@ -46,7 +53,14 @@ class Judged:
         So does an integrator whose zero hides it: what it adds is no more than a drift.
         """
         gain = self.parameters["gain"]
-        return gain.low <= 0 <= gain.high or self.fit.slowest > duration
+        return self.hides or gain.low <= 0 <= gain.high or self.fit.slowest > duration
+
+    @property
+    def unsettled(self) -> bool:
+        """Whether gain and lag are not told from each other, since y does not come to rest."""
+        k = next((k for k, name in enumerate(self.parameters) if name in SLOWNESS), 0)
+        (own, both), (_, other) = self.covariance[np.ix_([0, k], [0, k])]
+        return bool(k and abs(both) > TOGETHER * np.sqrt(own * other))
 
 
 def criterion(fit: Fit, samples: float) -> float:
@@ -71,7 +85,7 @@ def weighed(begun: list[Fit], problem: Problem, start: int) -> Fit:
         compared = replace(fit, misfit=fit.loss / samples + TINY) if plain else fit
         return criterion(compared, samples)
 
-    return min(fits, key=merit)
+    return min(fits, key=lambda fit: (problem.hides(fit), merit(fit)))
 
 
 def judge(fit: Fit, whole: Problem, problem: Problem, units: tuple[float, float]) -> Judged:
@@ -87,6 +101,7 @@ def judge(fit: Fit, whole: Problem, problem: Problem, units: tuple[float, float]
         *percents,
         predicted,
         *estimates(fit, whole, units),
+        whole.hides(fit),
     )
 
 
@@ -139,7 +154,11 @@ def chosen(judged: list[Judged], duration: float) -> tuple[Judged, list[Judged],
     alone = first.fit.structure.integrates and np.isnan(first.validation)
     enough = DECISIVE * (ALONE if alone else 1)
     lasting = [each for each in equal if each.bic < first.bic + enough]
-    close = [each for each in lasting if not each.fit.structure.integrates] or close
+    close = (
+        [each for each in lasting if not each.fit.structure.integrates]
+        or (_settling(possible, first, duration) if first.fit.structure.integrates else [])
+        or close
+    )
     best = min(close, key=lambda each: (each.fit.structure.told, each.bic))
     reason = "of all structures it has the smallest Bayesian information criterion"
     if len(judged) == 1:
@@ -154,12 +173,27 @@ def chosen(judged: list[Judged], duration: float) -> tuple[Judged, list[Judged],
         )
     rivals = [
         each
-        for each in equal
+        for each in possible
         if each is not best
         and each.fit.structure.integrates <= best.fit.structure.integrates
-        and (each in close or each.validation > best.validation - CLOSE)
+        and (each in close or (each in equal and each.validation > best.validation - CLOSE))
     ]
     return best, rivals, reason
+
+
+def _settling(possible: list[Judged], rival: Judged, duration: float) -> list[Judged]:
+    """Find lags that are likelier than an integrator, though where y comes to rest be open.
+
+    One longer than the record must be told from it.
+    """
+    found = [
+        each
+        for each in possible
+        if each.bic < rival.bic - ALONE * DECISIVE * (each.fit.slowest > duration)
+        and not (each.fit.structure.integrates or each.validation < 0 or each.hides)
+    ]
+    least = min((each.bic for each in found), default=0.0)
+    return [each for each in found if each.bic < least + DECISIVE]
 
 
 def denied_sign(

@@ -22,25 +22,26 @@ SETTLED = 2.0  # lags that a record must last after the input first moves
 FAR = 8.0  # deviations from the samples around it at which a sample is an outlier
 TAIL = 0.95  # share of the samples from the rest of which the tails of the noise are seen
 DRIFTED = 0.05  # share of the output's range from which on a drift is told
-PULSE = 4  # samples before a spike in which the input may explain it
 PAST = 20  # samples over which a controller is looked for
 # Correlation of u with what disturbed y, and its probability by chance, that tell of one.
 FEEDBACK, NEVER = 0.3, 1e-6
 LEVELS = 12  # limits of the actuator that are tried
-CLIPPED = 0.7  # misfit with a limit, against that without, that tells of one
+# Misfit with a limit, against that without and against y itself, that tells of one.
+CLIPPED, EXPLAINED = 0.7, 0.1
 
 
 def doubts(
     record: Record,
     parameters: dict[str, Parameter],
-    worth: tuple[float, float, bool],
+    worth: tuple[float, float, bool, bool],
     residual: FloatArray,
     fit: Fit,
 ) -> tuple[str, ...]:
     """Look for all that is known to mislead a fit; the gravest first.
 
-    Worth: per cent explained of the part fitted and of that held out, and whether the residual, in
-    units of y from the start of the fit on, still follows the input.
+    Worth: per cent explained of the part fitted and of that held out, whether the residual, in
+    units of y from the start of the fit on, still follows the input, and whether gain and lag are
+    not told from each other.
     """
     return (
         *_worth(*worth, parameters["gain"]),
@@ -52,7 +53,9 @@ def doubts(
     )
 
 
-def _worth(fitted: float, foretold: float, follows: bool, gain: Parameter) -> Iterator[str]:
+def _worth(
+    fitted: float, foretold: float, follows: bool, unsettled: bool, gain: Parameter
+) -> Iterator[str]:
     if foretold < 0:
         yield (
             "the part held out is foretold worse than a constant would: the process changes, "
@@ -60,8 +63,11 @@ def _worth(fitted: float, foretold: float, follows: bool, gain: Parameter) -> It
         )
     if gain.low <= 0 <= gain.high:
         yield (
-            "the structure leaves so much of what u does to y unexplained that its gain is open: "
-            "try another one, or look for what else moves y"
+            "y does not come to rest in the record, so that the gain is not told from the lag: "
+            "record longer"
+            if unsettled
+            else "the structure leaves so much of what u does to y unexplained that its gain is "
+            "open: try another one, or look for what else moves y"
             if follows
             else "the gain may be zero, or of either sign: the record does not show that u acts on "
             "y; make a larger step, or repeat it"
@@ -103,32 +109,12 @@ def _outliers(record: Record, residual: FloatArray, start: int) -> Iterator[str]
     tail = float(np.quantile(apart, TAIL)) / float(norm.ppf(0.5 + TAIL / 2))
     scale = max(tail, float(np.median(steps[steps > 0])))
     far = np.flatnonzero(apart > FAR * scale)
-    if (spike := _spike(record)) is not None:  # the fit may have followed it
-        yield (
-            f"y is {record.y[spike]:g} at {record.t[spike]:g} s, far from the samples beside it: "
-            "if that is an outlier, replace it by its neighbours, for it pulls the fit"
-        )
-    elif far.size:
+    if far.size:
         k = start + int(far[np.argmax(apart[far])])
         yield (
             f"{far.size} samples of y are outliers, such as {record.y[k]:g} at "
             f"{record.t[k]:g} s: correct or replace them by their neighbours, for they pull the fit"
         )
-
-
-def _spike(record: Record) -> int | None:
-    """Find a sample beside which y goes away and back, or from which it begins, unlike elsewhere.
-
-    The input does not do so before it.
-    """
-    steps, moves = np.diff(record.y), record.inputs
-    sizes = np.abs(steps)
-    back = np.where(steps[:-1] * steps[1:] < 0, np.minimum(sizes[:-1], sizes[1:]), 0.0)
-    leaps = np.array([0.0 if moves[:2].any() else sizes[0], *back])
-    k = int(leaps.argmax())
-    others = np.delete(sizes, [k - 1, k] if k else [0])
-    pulses = np.count_nonzero(np.diff(moves[max(k - PULSE, 0) : k + 1])) > 1
-    return k if leaps[k] > FAR * others.max() and not pulses else None
 
 
 def _drift(record: Record, residual: FloatArray, fit: Fit) -> Iterator[str]:
@@ -201,7 +187,7 @@ def _limited(record: Record, fit: Fit) -> Iterator[str]:
         for level in levels[1:-1]
     )
     level += record.u[0] - inputs[0]
-    if least < CLIPPED * plain:
+    if least < min(CLIPPED * plain, EXPLAINED * outputs.size * float(np.var(outputs))):
         yield (
             f"the plant answers as if u were cut off {side} {level:g}: the actuator looks "
             "saturated there; keep the steps inside its limits"

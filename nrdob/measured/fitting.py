@@ -46,6 +46,10 @@ TRIES = 3  # starting points for each structure, with and without drift
 # Share of the output by which a fit with drift may explain less, from rest, than one without.
 FAR = 0.15
 LONG = 2000  # samples to which longer records are thinned, to begin with
+# Share of the output from which on a motion of its own is looked at, and how fast it must have been
+# before the input moves, against its mean over the record: from any state, one lag is slowing down.
+OWN, BEFORE = 0.05, 0.5
+FEWEST = 5  # samples before the input moves in which rest can be seen
 DENSE = 0.95  # share of the samples that must count for a drift to be told from them
 INSIDE = 1e-9  # distance from the bounds at which a search begins
 VALLEYS = 2  # dead times that are kept of each denominator
@@ -80,6 +84,23 @@ class Problem:
     def left(self, fit: Fit) -> FloatArray:
         """Compute the residual from the first sample compared on."""
         return np.asarray(self.outputs[fit.start :] - fit.response(self.inputs))
+
+    def hides(self, fit: Fit) -> bool:
+        """Whether a fit moves by itself although the plant rests until the input moves.
+
+        It then takes what the input does for what the plant does by itself.
+        """
+        first = int(np.flatnonzero(self.inputs)[0])
+        times = np.flatnonzero(self.used[:first])
+        if not fit.moving or times.size < FEWEST:
+            return False
+        motion = fit.motion(self.inputs)
+        moved = motion - motion[0]
+        far = float(moved[np.abs(moved).argmax()])
+        slope, intercept = np.polyfit(times, self.outputs[times], 1)
+        scatter = np.std(self.outputs[times] - slope * times - intercept, ddof=2)
+        sure = slope * np.sign(far) + 2 * scatter / np.sqrt(times.size * np.var(times))
+        return abs(far) > OWN and sure < BEFORE * abs(far) / moved.size
 
     def whitening(self, residual: FloatArray) -> Whitening:
         """Find the filter that whitens a residual; none where many samples are missing."""
@@ -143,6 +164,11 @@ class Fit:
     def response(self, inputs: FloatArray) -> FloatArray:
         """Compute the output from `start` on."""
         return np.asarray(self._columns(self.shape, inputs) @ self.linear)
+
+    def motion(self, inputs: FloatArray) -> FloatArray:
+        """Compute what the plant does by itself, from `start` on."""
+        own = self.structure.own(self.shape, inputs.size - self.start, self.moving)
+        return np.asarray(self.linear[self.structure.numerators :] @ own)
 
     def jacobian(self, inputs: FloatArray) -> FloatArray:
         """Differentiate the output by all unknowns, at all samples from `start` on.

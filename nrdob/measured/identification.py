@@ -27,8 +27,9 @@ from .structures import STRUCTURES, Structure
 
 __all__ = ["Candidate", "Identification", "identified", "identify"]
 
-MOVES, LEAST = 0.1, 50
-"""Share of the input's variance, and samples, that each part of a record must have."""
+MOVES, LEAST, SEEN = 0.1, 50, 10
+"""Share of the input's variance, and samples, that each part of a record must have; and its last
+samples, in which a move of the input is hardly seen in y."""
 
 
 @dataclass(frozen=True)
@@ -235,7 +236,7 @@ def identified(
     ValueError
         If the numbers of the process cannot be told from the record.
     """
-    sizes = np.ptp(np.append(record.inputs, 0.0)), np.ptp(record.y)
+    sizes = np.ptp(np.append(record.inputs, 0.0)), np.ptp(record.y[record.free])
     inputs, outputs = record.inputs / sizes[0], (record.y - record.y[0]) / sizes[1]
     every = np.arange(outputs.size)  # across what was not measured, for the memory of the filters
     outputs = np.interp(every, every[record.free], outputs[record.free])
@@ -250,7 +251,10 @@ def identified(
     ]
     # Where the input before the record is not known, the samples that the dead time keeps it alive
     # for are left out, the same for all, so that they can be compared.
-    leading = min((fit for each in begun for fit in each), key=lambda fit: criterion(fit, count))
+    leading = min(
+        (fit for each in begun for fit in each),
+        key=lambda fit: (problem.hides(fit), criterion(fit, count)),
+    )
     start = 0 if known else min(ceil(leading.shape[0]) + 1, count // 2)
     units = record.sampling_time, float(sizes[1] / sizes[0])
     judged = [judge(weighed(each, problem, start), whole, problem, units) for each in begun]
@@ -278,8 +282,9 @@ def identified(
         for each in judged
     )  # fmt: skip
     parameters, denied = denied_sign(best, rivals, judged, needless)
+    unsettled = best.unsettled and not (denied or needless)
     remarks = doubts(
-        record, parameters, (best.fit_percent, best.validation, follows),
+        record, parameters, (best.fit_percent, best.validation, follows, unsettled),
         sizes[1] * np.where(record.free[start:], whole.left(fit), 0.0), fit,
     )  # fmt: skip
     plain = simple_fit(whole, fit)
@@ -289,7 +294,10 @@ def identified(
         unsure.append("the process foretells the part held out worse than a constant would")
     if gain.low <= 0 <= gain.high:
         unsure.append(
-            "its structure leaves so much of what the input does unexplained that the gain is open"
+            "y does not come to rest in the record, so that its gain is open"
+            if unsettled
+            else "its structure leaves so much of what the input does unexplained that its gain is "
+            "open"
             if follows
             else "the gain of the process may be zero, or of either sign"
         )
@@ -320,8 +328,8 @@ def _parted(record: Record, held_out: float) -> tuple[int, str]:
     if first == count:
         return count, "nothing was held out"
     u = np.append(0.0, record.inputs)
-    parts = (u[: first + 1], u[first + 1 :])
-    if any(part.size < LEAST or np.var(part) < MOVES * np.var(u) for part in parts):
+    parts = [part[:-SEEN] for part in (u[: first + 1], u[first + 1 :])]
+    if any(part.size < LEAST - SEEN or np.var(part) < MOVES * np.var(u) for part in parts):
         return count, (
             "nothing was held out, because the input does not move enough in both parts of the "
             "record to fit one and foretell the other"

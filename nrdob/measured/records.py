@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from ..numerics import BoolArray, FloatArray, IntArray, is_real
+from ..numerics import BoolArray, FloatArray, is_real
 from .resampling import evenly_sampled
 
 __all__ = ["SHORTEST", "Record", "checked_record", "resolution"]
@@ -20,6 +20,9 @@ STUCK = 5  # samples in a row at one extreme value from which on an output may b
 # Last step before a limit, against the largest of the record, that no settling output makes.
 ABRUPT = 0.2
 COARSE = 3.0  # steps of a coarse sensor that the last one before a limit must exceed
+SPIKE = 8.0  # largest other steps of y that a single sample that is none is away
+PULSE = 4  # samples before it in which the input may explain it
+BEFORE = "give what the input was before (input_before=0; in the shell --input-before 0)"
 LARGEST = 1e100  # above it squares overflow
 SINCE_1970 = 1e8  # times in seconds that count from 1970, and not from the beginning of a test
 
@@ -117,9 +120,18 @@ def checked_record(
     moves = inputs if input_before is None else np.append(input_before, inputs)
     _check_moving(moves, outputs)
     free, noticed = _stuck(outputs, place)
+    if (spike := _spike(moves, outputs)) is not None:
+        free[spike] = False
+        noticed.append(
+            f"y is {outputs[spike]:g} at {place(spike)}, far from the samples beside it: it is "
+            "taken for an outlier and left out; look what the sensor did there"
+        )
     even = evenly_sampled(times, inputs, outputs, place)
     if np.ptp(even.u[:-1]) == 0 and input_before in (None, even.u[0]):
-        raise ValueError("u changes at the last sample only: let the record go on after the step")
+        raise ValueError(
+            "u changes at the last sample only: let the record go on after the step; or, if it "
+            f"begins with one, {BEFORE}"
+        )
     if even.t.size != times.size or not np.array_equal(even.t, times):
         free = np.interp(even.t, times, free) > 1 - 1e-9
     return Record(
@@ -140,8 +152,7 @@ def _check_moving(inputs: FloatArray, outputs: FloatArray) -> None:
     """Refuse what does not change, with what to do about it."""
     for values, called, remedy in (
         (inputs, "u", "make a step, or any signal that moves, and begin the record before it; or, "
-         "if it begins with the step, give what the input was before (input_before=0; in the shell "
-         "--input-before 0)"),
+         f"if it begins with the step, {BEFORE}"),
         (outputs, "y", "look whether the sensor is connected, or make a larger step"),
     ):  # fmt: skip
         if np.ptp(values) <= 1e-12 * np.abs(values).max():
@@ -173,30 +184,50 @@ def _numbers(values: Any, called: str, place: Callable[[int], str]) -> FloatArra
 
 def _stuck(outputs: FloatArray, place: Callable[[int], str]) -> tuple[BoolArray, list[str]]:
     """Find where the output runs into an extreme value abruptly, not in ever smaller steps."""
-    free = np.ones(outputs.size, dtype=bool)
-    remarks = []
     steps = np.abs(np.diff(outputs))
     moves = np.abs(outputs[STUCK:] - outputs[:-STUCK])  # of several samples: noise is no motion
     coarse = COARSE * resolution(outputs)
     abrupt, far = (max(ABRUPT * each.max(), coarse) for each in (steps, moves))
-    for extreme, called in ((outputs.max(), "largest"), (outputs.min(), "smallest")):
-        held = outputs == extreme
-        edges: IntArray = np.flatnonzero(np.diff(held.astype(int), prepend=0, append=0))
-        cut = [
-            first
-            for first, last in edges.reshape(-1, 2).tolist()
-            if last - first >= STUCK
-            and steps[max(first - 2, 0) : first].max(initial=0.0) > abrupt
-            and moves[max(first - STUCK, 0)] > far
-        ]
-        if cut:
+    begins = np.flatnonzero(np.diff(outputs, prepend=np.nan))
+    lasts = np.diff(begins, append=outputs.size)
+    cut = [
+        first
+        for first in begins[lasts >= STUCK].tolist()
+        if steps[max(first - 2, 0) : first].max(initial=0.0) > abrupt
+        and moves[max(first - STUCK, 0)] > far
+    ]
+    free = np.ones(outputs.size, dtype=bool)
+    remarks: list[str] = []
+    extremes = {outputs.max(): "largest", outputs.min(): "smallest"}
+    if any(outputs[first] not in extremes for first in cut):  # the sensor rests elsewhere as well
+        return free, remarks
+    for extreme, called in extremes.items():
+        places = [first for first in cut if outputs[first] == extreme]
+        if places:
+            held = outputs == extreme
             free &= ~held
             remarks.append(
                 f"y stays at its {called} value, {extreme:g}, for {held.sum()} samples, at "
-                f"{place(cut[0])} after it was still moving fast: it looks cut off by a limit, and "
-                "these samples are left out; measure again with a smaller input"
+                f"{place(places[0])} after it was still moving fast: it looks cut off by a limit, "
+                "and these samples are left out; measure again with a smaller input"
             )
     return free, remarks
+
+
+def _spike(moves: FloatArray, outputs: FloatArray) -> int | None:
+    """Find a sample to which y goes and from which it comes back, or with which it begins.
+
+    Nowhere else it steps as far, and the input does not explain it.
+    """
+    moved = np.diff(moves, prepend=moves[0])[-outputs.size :] != 0
+    steps = np.diff(outputs)
+    sizes = np.abs(steps)
+    back = np.where(steps[:-1] * steps[1:] < 0, np.minimum(sizes[:-1], sizes[1:]), 0.0)
+    leaps = np.array([0.0 if moved[:2].any() else sizes[0], *back])
+    k = int(leaps.argmax())
+    others = np.delete(sizes, [k - 1, k] if k else [0])
+    pulses = moved[max(k - PULSE + 1, 0) : k + 1].sum() > 1
+    return k if leaps[k] > SPIKE * others.max() and not pulses else None
 
 
 def resolution(outputs: FloatArray) -> float:

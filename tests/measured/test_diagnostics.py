@@ -27,6 +27,21 @@ def switched(count=400, seed=0):
     return np.cumprod(np.where(rng.random(count) < 0.04, -1.0, 1.0))
 
 
+def oven(u, later=1.0, losses=0.0, grain=0.25):
+    """Heater of 35 s; gain 29/3 and lag 2000/3 s where losses are linear; every 2 s, rounded.
+
+    From the 100th sample on the heater gives `later` times as much.
+    """
+    heat, above, y = 0.0, 0.0, []
+    for k, power in enumerate(u):
+        y.append(above)
+        for _ in range(20):
+            heat += 0.1 * (power * (later if k >= 100 else 1.0) - heat) / 35
+            above += 0.1 * (0.0145 * heat - 0.0015 * above - losses * above**2)
+    noise = 0.2 * np.random.default_rng(0).standard_normal(u.size)
+    return 2.0 * np.arange(u.size), u, grain * np.round((22 + np.array(y) + noise) / grain)
+
+
 def told(t, u, y):
     return identify(t, u, y, structure=ONE_LAG).remarks
 
@@ -244,15 +259,72 @@ def test_outliers_are_told():
 
 
 @pytest.mark.parametrize("begins", [True, False])
-def test_a_spike_that_the_fit_may_follow_is_told(begins):
+def test_a_spike_that_a_fit_would_follow_is_left_out(begins):
     t, u, y = lag(np.where(np.arange(240) < 120, 0.0, 1.0))
     y = y + 30
     if begins:  # the sensor was not ready
         y[0] = 3.75
     else:  # right after a step, where a structure with a zero makes it a response
         y[120] = 1482
-    place = "y is 3.75 at 0 s" if begins else "y is 1482 at 120 s"
-    assert any(said.startswith(f"{place}, far from the samples") for said in told(t, u, y))
+    place = "y is 3.75 at sample 0" if begins else "y is 1482 at sample 120"
+    with pytest.warns(UserWarning, match=f"{place}, far from the samples .* left out"):
+        found = identify(t, u, y)
+    assert found.structure == ONE_LAG
+    assert found.parameters["gain"].value == pytest.approx(2.0, rel=0.01)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("losses", [0.0, 1e-5])
+@pytest.mark.parametrize(("off", "count"), [(35, 240), (65, 120)])
+def test_what_cools_by_itself_is_no_integrator(off, count, losses):
+    times = np.arange(count)
+    found = identify(*oven(np.where((times >= 15) & (times < off), 100.0, 0.0), losses=losses))
+    gain = found.parameters["gain"]
+    assert found.structure == "two lags with dead time" and gain.low > 0
+    assert losses or gain.low < 29 / 3 < gain.high
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("later", [1.0, 1.3])
+def test_a_plant_that_rests_until_the_step_does_not_begin_to_move_by_itself_with_it(later):
+    found = identify(*oven(np.where(np.arange(360) < 15, 0.0, 30.0), later))
+    assert found.structure.startswith("two lags") and found.parameters["dead time"].value < 10
+    assert 5 < found.parameters["gain"].value < 15
+
+
+@pytest.mark.slow
+def test_a_gain_that_is_not_told_from_its_lag_is_called_so():
+    found = identify(*oven(np.where(np.arange(60) < 15, 0.0, 30.0)))
+    assert "does not come to rest" in found.unsure
+    assert "record longer" in found.remarks[0]
+
+
+@pytest.mark.slow
+def test_an_input_that_moves_at_the_very_end_holds_nothing_out():
+    t, u, y = lag(np.concatenate([[0.0], np.ones(598), [0.0]]))
+    found = identified(checked_record(t[1:], u[1:], y[1:], input_before=0.0))
+    assert "nothing was held out" in found.reason and found.structure == ONE_LAG
+    assert found.parameters["gain"].value == pytest.approx(2, rel=0.02)
+
+
+def test_a_sensor_that_rests_at_other_values_as_well_is_not_at_a_limit():
+    peaks = np.array([0, 3, 6, 9, 10.0])
+    low, high = (np.concatenate([peaks, [top] * 6, peaks[::-1]]) for top in (10.0, 11.0))
+    y, u = np.tile(np.concatenate([low, high, low]), 3), np.arange(144) % 48 < 20
+    assert not checked_record(np.arange(144), 1.0 * u, y).remarks
+    high[5:11], low[5:11] = 10.0, 10.0
+    y = np.tile(np.concatenate([low, high, low]), 3)
+    (said,) = checked_record(np.arange(144), 1.0 * u, y).remarks
+    assert "cut off by a limit" in said
+
+
+@pytest.mark.slow
+def test_a_limit_is_told_only_where_with_it_the_record_is_explained():
+    rng = np.random.default_rng(3)
+    t, u, _ = lag(np.repeat(rng.uniform(0, 10, 40), 15))
+    clipped = lag(np.minimum(u, 5.0), noise=0.1)[2]
+    assert any("cut off above" in said for said in told(t, u, clipped))
+    assert not any("cut off" in said for said in told(t, u, clipped + 1.5 * np.sin(t / 40) ** 3))
 
 
 def test_what_a_pulse_of_the_input_does_is_no_spike():

@@ -194,7 +194,10 @@ def test_output_cut_off_by_a_limit_is_left_out():
         ),
         (lambda t, u, y: (t[::-1], u, y), "times must increase"),
         (lambda t, u, y: (t, u, np.where(t == 7, np.nan, y)), "y is nan at sample 7;"),
-        (lambda t, u, y: (t, np.eye(100)[99], y), "changes at the last sample only"),
+        (
+            lambda t, u, y: (t, np.eye(100)[99], y),
+            r"changes at the last sample only.*input_before=0",
+        ),
         (lambda t, u, y: (t, u, y.reshape(10, 10)), "shape"),
     ],
 )
