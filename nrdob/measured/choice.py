@@ -24,6 +24,9 @@ TINY = 1e-12
 CLOSE = 1.0
 """Per cent of the part held out that make no difference."""
 
+OUTDONE = 8.0
+"""Per cent of both parts by which another explains far more."""
+
 ALONE = 3
 """How many times as decisive an integrator must be where no part of the record was held out."""
 
@@ -54,6 +57,17 @@ class Judged:
         """
         gain = self.parameters["gain"]
         return self.hides or gain.low <= 0 <= gain.high or self.fit.slowest > duration
+
+    def outdone(self, other: Judged) -> bool:
+        """Whether one that is no richer explains both parts of the record far better.
+
+        What drives its likelihood up is then a drift, and not the plant.
+        """
+        return (
+            other.fit.structure.told <= self.fit.structure.told
+            and other.fit_percent > self.fit_percent + OUTDONE
+            and other.validation > self.validation + OUTDONE
+        )
 
     @property
     def unsettled(self) -> bool:
@@ -144,8 +158,11 @@ def chosen(judged: list[Judged], duration: float) -> tuple[Judged, list[Judged],
             "move more often, record longer or, if the plant answers at once, sample faster"
         )
 
+    sound = [each for each in possible if not (each.validation < 0 or each.vague(duration))]
+
     def flawed(each: Judged) -> tuple[int, float]:
-        return 2 * (each.validation < 0) + each.vague(duration), each.bic
+        flaw = each.vague(duration) or any(map(each.outdone, sound))
+        return 2 * (each.validation < 0) + flaw, each.bic
 
     first = min(possible, key=flawed)
     equal = [each for each in possible if flawed(each)[0] == flawed(first)[0]]
@@ -167,9 +184,9 @@ def chosen(judged: list[Judged], duration: float) -> tuple[Judged, list[Judged],
         reason = f"the record does not tell {first.fit.structure.name} from it"
     elif best.bic > min(each.bic for each in possible):
         reason = (
-            "of the structures that foretell the part held out, whose gain cannot be zero and "
-            "whose lags are not longer than the record, it has the smallest Bayesian information "
-            "criterion"
+            "of the structures that foretell the part held out and rest until the input moves, "
+            "whose gain cannot be zero and whose lags are not longer than the record, it has the "
+            "smallest Bayesian information criterion"
         )
     rivals = [
         each

@@ -159,8 +159,9 @@ def identify(
     The structure is the one of smallest Bayesian information criterion over the whole record, the
     part held out included, or a simpler one from which the record does not tell it; an integrator
     must be told from every lag. Passed over, if there is another, is one that foretells the part
-    held out worse than a constant, one whose gain may be zero, and one whose lag is longer than the
-    record.
+    held out worse than a constant, one whose gain may be zero, one whose lag is longer than the
+    record, one that moves by itself though y rests until the input moves, and one that explains
+    both parts far worse than one no richer.
 
     Parameters
     ----------

@@ -21,6 +21,7 @@ CONFIDENCE = 0.95  # of the intervals
 APART = 2.0  # standard errors by which a damping ratio must exceed 1 for two lags to be told apart
 NO_DELAY = 1e-6  # dead time, in samples, that is none
 STEP = 1e-6
+SIGNED = ("gain", "lead of the zero")  # numbers that may be negative
 LEAST = 0.01  # of its value, the least that a time or a damping ratio is in a corner
 
 
@@ -72,7 +73,7 @@ def told(
     found = numbers(fit.unknowns).items()
     for (name, (value, unit)), error, slope in zip(found, errors, slopes, strict=True):
         reach = scatter.reach(slope, CONFIDENCE) if known else np.inf
-        low = max(value - reach, 0.0) if name == "dead time" else value - reach
+        low = value - reach if name in SIGNED else max(value - reach, 0.0)
         parameters[name] = Parameter(value, unit, error, low, value + reach)
     return parameters, covariance
 
@@ -109,7 +110,7 @@ def corners_of(
     """Give the processes at the ends of the intervals, in all combinations, by their numbers."""
     ends = []
     for name, each in parameters.items():
-        positive = name not in ("gain", "lead of the zero", "dead time")
+        positive = name not in (*SIGNED, "dead time")
         ends.append((max(each.low, LEAST * each.value) if positive else each.low, each.high))
     corners = [dict(zip(parameters, corner, strict=True)) for corner in product(*ends)]
     return {

@@ -106,6 +106,12 @@ def read_data(
             f"u={choice.order['y'] + 1},y={choice.order['u'] + 1} (in Python columns="
             f"{{'u': {choice.order['y'] + 1}, 'y': {choice.order['u'] + 1}}})"
         )
+    if choice.remarks and (np.diff(u) > 0).all():
+        raise ValueError(
+            f"column {choice.order['u'] + 1} of {short(path.name)} grows in every line, as times "
+            "do, and no heading says that it is the input: a record needs one of the input and one "
+            "of the output; name them, --columns u=2,y=3 (in Python columns={'u': 2, 'y': 3})"
+        )
     notes, remarks = sheet.notes, choice.remarks
     if sampling_time is None:
         times, said = _times(sheet, choice)

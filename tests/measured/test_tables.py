@@ -412,3 +412,12 @@ def test_a_record_is_shown_without_its_numbers():
 def test_what_is_no_time_of_a_day_is_refused(cell):
     with pytest.raises(ValueError, match="which is no time of a day"):
         seconds_in([cell], "line {}".format)
+
+
+def test_a_clock_is_not_taken_for_the_input(tmp_path):
+    path = tmp_path / "two.csv"
+    t = np.arange(60) * 0.1
+    np.savetxt(path, np.column_stack([t, 1 - np.exp(-t)]), delimiter=",")
+    with pytest.raises(ValueError, match=r"column 1 of two\.csv grows in every line, as times do"):
+        read_data(path, sampling_time=0.1)
+    assert read_data(path, sampling_time=0.1, columns={"u": 1, "y": 2}).u[-1] == t[-1]
