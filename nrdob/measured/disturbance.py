@@ -77,7 +77,7 @@ HYPOTHESES = (
 )
 """Noise, random walks and smooth drifts."""
 
-FORGOTTEN = 20
+FORGOTTEN = 50
 """How often noise must have forgotten itself in a record; what remembers longer is a drift."""
 
 

@@ -274,6 +274,14 @@ def test_a_spike_that_a_fit_would_follow_is_left_out(begins):
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize(("kind", "case"), [("step", 39), ("three steps", 14), ("three steps", 38)])
+def test_a_drift_that_looks_like_slow_noise_is_counted_in(kind, case):
+    true = thermal(kind, np.random.default_rng([77, case, len(kind)]))
+    gain = identify(true.t, true.u, true.y).parameters["gain"]
+    assert gain.low < true.truth["gain"] < gain.high
+
+
+@pytest.mark.slow
 @pytest.mark.parametrize("losses", [0.0, 1e-5])
 @pytest.mark.parametrize(("off", "count"), [(35, 240), (65, 120)])
 def test_what_cools_by_itself_is_no_integrator(off, count, losses):
