@@ -274,9 +274,9 @@ def test_a_spike_that_a_fit_would_follow_is_left_out(begins):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("kind", "case"), [("step", 39), ("three steps", 14), ("three steps", 38)])
-def test_a_drift_that_looks_like_slow_noise_is_counted_in(kind, case):
-    true = thermal(kind, np.random.default_rng([77, case, len(kind)]))
+@pytest.mark.parametrize("case", [19, 28, 38])
+def test_a_drift_that_looks_like_slow_noise_is_counted_in(case):
+    true = thermal("three steps", np.random.default_rng([77, case, 11]))
     gain = identify(true.t, true.u, true.y).parameters["gain"]
     assert gain.low < true.truth["gain"] < gain.high
 
