@@ -144,6 +144,7 @@ def scatter_of(
     freedom = float(max(1, used.sum() - n))
     if np.linalg.matrix_rank(scaled[used]) < n:
         return Scatter(np.ones(1), np.zeros((1, n)), np.full((1, n, n), np.inf), freedom)
+    rows = np.vstack([scaled.T, residual])
     levels = np.unique(readings, return_inverse=True)[1]
     logarithms, shifts, covariances = [], [], []
     kinds = [
@@ -154,16 +155,18 @@ def scatter_of(
         den, num = (np.poly([root] * each.order) for root in (each.pole, each.zero))
         beside = _beside(each, residual.size)
         count = len(beside)
-        white = lfilter(den, num, np.column_stack([*beside, scaled, residual]), axis=0)[used]
-        rows, corner = np.linalg.qr(np.vstack([np.eye(count, count + n + 1), white]))
+        white = lfilter(den, num, np.vstack([*beside, rows]))[:, used]
+        stacked = np.hstack([np.eye(count + n + 1, count), white]).T  # in the order of LAPACK
+        corner = np.asarray(np.linalg.qr(stacked, mode="r"))
         variance = float(corner[-1, -1] ** 2) / freedom + np.finfo(float).tiny
         corners = np.abs(np.diag(corner)[:-1])
         logarithms.append(-np.log(corners).sum() - 0.5 * freedom * np.log(variance))
-        inverse = np.linalg.inv(corner[:-1, :-1])[count:]
+        whole = np.linalg.inv(corner[:-1, :-1])
+        inverse = whole[count:]
         covariance = variance * inverse @ inverse.T
         if grain:
             estimator: FloatArray = np.zeros((n, residual.size))
-            estimator[:, used] = inverse @ rows[count:, :-1].T
+            estimator[:, used] = inverse @ whole.T @ white[:-1]
             alike = np.zeros((levels.max() + 1, n))
             np.add.at(alike, levels, lfilter(den, num, estimator[:, ::-1])[:, ::-1].T)
             covariance += _rounded(grain, variance) * alike.T @ alike
