@@ -31,6 +31,9 @@ ALONE = 3
 """How many times as decisive an integrator must be where no part of the record was held out."""
 
 
+FAR_LONGER = 3.0
+"""Durations of the record that a lag lasts which is as good as an integrator."""
+
 TOGETHER = 0.9
 """Correlation of gain and lag from which on the one is not told from the other."""
 
@@ -201,12 +204,13 @@ def chosen(judged: list[Judged], duration: float) -> tuple[Judged, list[Judged],
 def _settling(possible: list[Judged], rival: Judged, duration: float) -> list[Judged]:
     """Find lags that are likelier than an integrator, though where y comes to rest be open.
 
-    One longer than the record must be told from it.
+    One longer than the record must be told from it, and is none if it is far longer.
     """
     found = [
         each
         for each in possible
         if each.bic < rival.bic - ALONE * DECISIVE * (each.fit.slowest > duration)
+        and each.fit.slowest < FAR_LONGER * duration
         and not (each.fit.structure.integrates or each.validation < 0 or each.hides)
     ]
     least = min((each.bic for each in found), default=0.0)

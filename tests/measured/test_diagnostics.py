@@ -293,6 +293,23 @@ def test_what_cools_by_itself_is_no_integrator(off, count, losses):
 
 
 @pytest.mark.slow
+def test_a_lag_of_many_records_is_an_integrator():
+    """An angle, every 6.25 ms, of a motor of 0.36 s with dry friction that grows at first."""
+    times = np.arange(1000)
+    inputs = np.where(times < 60, 0.0, 0.5)
+    friction = 0.2 - 0.1 * np.exp(-times / 200)
+    speed, angle, y = 0.0, 0.0, []
+    for drive in np.maximum(inputs - friction, 0.0):
+        y.append(angle)
+        for _ in range(5):
+            speed += 0.00125 * (20 * drive - speed) / 0.36
+            angle += 0.00125 * speed
+    noise = 0.01 * np.random.default_rng(0).standard_normal(1000)
+    found = identify(0.00625 * times, inputs, 0.0157 * np.round((np.array(y) + noise) / 0.0157))
+    assert found.structure.startswith("integrator") and not found.unsure
+
+
+@pytest.mark.slow
 @pytest.mark.parametrize("later", [1.0, 1.3])
 def test_a_plant_that_rests_until_the_step_does_not_begin_to_move_by_itself_with_it(later):
     found = identify(*oven(np.where(np.arange(360) < 15, 0.0, 30.0), later))
