@@ -81,6 +81,7 @@ def test_poles_of_the_loop_gain_on_the_axis_are_no_crossings():
     loop.plot_bode("FH")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("dead_time", "lag"), [(1.0, 0.001), (10.0, 0.01)])
 def test_a_delay_much_longer_than_a_fast_lag_is_judged(dead_time, lag):
     process = delay(dead_time) / ((lag * s + 1) * (s + 1))

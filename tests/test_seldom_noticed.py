@@ -34,6 +34,7 @@ def test_a_model_that_misses_what_the_input_does_is_a_warning() -> None:
         assert bool(section.warnings) is (independent is False)
 
 
+@pytest.mark.slow
 def test_a_report_samples_ten_times_as_fast_as_the_loop_or_its_filter_requires() -> None:
     loop = nrdob.paper.example(2)
     longest, filter = largest_sampling_time(loop), loop.filter
@@ -52,6 +53,7 @@ def test_a_time_that_is_none_of_a_day_is_named(tmp_path, clock: str) -> None:
         nrdob.read_data(path)
 
 
+@pytest.mark.slow
 def test_a_root_at_zero_that_comes_only_where_both_dead_times_are_equal_is_no_reason_to_count() -> (
     None
 ):

@@ -41,6 +41,7 @@ def eliminated(order):
     return sp.cancel(loop / (1 + loop)), sp.cancel(prefilter), (S, b0, wo, wc)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("order", [1, 2])
 def test_the_filter_keeps_the_lowest_terms_of_its_denominator(order):
     F, _, (S, _, wo, wc) = eliminated(order)

@@ -64,6 +64,7 @@ def test_the_numbers_are_those_of_the_loop():
     assert found.column("modified")["as printed"] == pytest.approx(changed, rel=1e-9)
 
 
+@pytest.mark.slow
 def test_an_unstable_plant_has_rows_that_say_why():
     _, found = examples(3)
     assert "stable or integrating processes: use an observer" in found["PI"].reason
@@ -139,6 +140,7 @@ def test_the_table_prints_and_is_written():
         found["MPC"]
 
 
+@pytest.mark.slow
 def test_only_the_columns_that_are_asked_for_are_printed():
     _, found = examples(4)
     few = found.only("modified", "iae")
@@ -224,6 +226,7 @@ def from_the_blocks(loop, w, tau):
     return G(w) * np.exp(-dead * w), np.polyval(num, w) / open_ / Gm(w), 1 / (tau * w + 1)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(8))
 def test_the_numbers_are_those_of_a_grid_and_of_a_numerical_inverse_transform(seed):
     rng = np.random.default_rng(seed)

@@ -78,6 +78,7 @@ def test_random_verdicts_are_those_of_the_blocks(seed):
     assert verdicts.count(True) > 40 and verdicts.count(False) > 2
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", [11, 12])
 def test_steps_are_those_of_the_blocks(seed):
     for loop, hidden, _ in cases(seed, 12):

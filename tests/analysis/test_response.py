@@ -550,6 +550,7 @@ def test_five_detuned_lags_under_a_fast_filter_are_certified(lam):
         assert np.isfinite(step_response(loop, input).outputs).all()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seconds", [0.0, 0.3])
 def test_a_process_with_lags_1e11_apart_is_certified(seconds):
     G = 1.2 / ((1e9 * s + 1) * (s + 1) * (1e-2 * s + 1))

@@ -83,6 +83,7 @@ def test_random_verdicts_neutral_ones_included_are_those_of_ball_arithmetic():
     assert neutral
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("share", [0.7, 0.999, 1.001, 1.3])
 def test_a_long_dead_time_is_counted_a_second_time_by_crossings(share):
     fast = nrdob.LowPassFilter(0.002, 2)
@@ -135,6 +136,7 @@ def test_more_dead_time_than_the_delay_margin_is_too_much(wait):
         assert found.observer_loop.stable is stable
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("wait", [0.02, 0.05, 0.4, 1.0])
 def test_the_sensitivity_peak_is_the_highest_of_a_dense_grid(wait):
     loop = example_4(wait)
@@ -207,6 +209,7 @@ def test_steps_are_the_inverse_laplace_transform(theta, wait, input):
     assert found == pytest.approx(laplace(loop, input, 0.513), abs=1e-11)
 
 
+@pytest.mark.slow
 def test_random_steps_are_certified():
     rng = np.random.default_rng(5)
     errors = []
@@ -418,6 +421,7 @@ def test_a_gain_beside_the_margin_of_an_integrating_loop_is_on_the_side_that_the
     assert turned.closed_loop_rhp == 2 == turned.encirclements
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("which", ["S_eta", "U_eta", "S_delta"])
 def test_noise_power_with_an_integrator_that_cancels_is_the_integral(which):
     plant, model = nrdob.delay(0.9) * 1.2 / (s + 0.2), nrdob.delay(1.0) / s

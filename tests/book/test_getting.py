@@ -39,6 +39,7 @@ def test_the_archive_has_each_chapter_and_the_package(archive: ZipFile):
     assert {"nrdob/__init__.py", "nrdob/py.typed", "pyproject.toml", "LICENSE"} <= names
 
 
+@pytest.mark.slow
 def test_the_archive_has_no_solution_of_a_set(archive: ZipFile):
     assert not [name for name in archive.namelist() if "/sets/" in name or "problems.toml" in name]
     assert not [name for name in archive.namelist() if "__pycache__" in name]

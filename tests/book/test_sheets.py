@@ -55,6 +55,7 @@ def test_every_problem_is_on_both_pages(printed: dict[str, BeautifulSoup], name:
         ] == posed
 
 
+@pytest.mark.slow
 @each_set
 def test_solutions_are_on_their_own_page_only(printed: dict[str, BeautifulSoup], name: str) -> None:
     assert len(lines_of_solutions(name)) > 5

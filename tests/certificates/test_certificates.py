@@ -112,6 +112,7 @@ def test_a_neutral_loop_is_proved_where_it_is_strongly_stable():
     assert certificate.content["claim"]["p_B"] == counts(loop)[1]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("spread", [1e2, 1e5, 1e8])
 def test_stiff_loops_are_proved_with_few_points(spread):
     lags = np.geomspace(1, spread, 6)
@@ -188,6 +189,7 @@ def test_the_checker_is_short_and_needs_the_standard_library_only():
     assert set(imports) <= sys.stdlib_module_names
 
 
+@pytest.mark.slow
 def test_an_interval_of_dead_time_is_proved_up_to_its_end():
     loop = example(4)
     own = loop.process.delay
@@ -200,6 +202,7 @@ def test_an_interval_of_dead_time_is_proved_up_to_its_end():
         loop.stability().certificate(delays=(own, 1.001 * end))
 
 
+@pytest.mark.slow
 def test_a_set_of_time_constants_is_proved_up_to_its_end():
     given = paper.example(3)
     loop = example(3)
@@ -383,6 +386,7 @@ def parts_of(**interval: tuple[float, float]) -> list[Content]:
     return content
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("interval", [{"delays": (0.0, 0.28)}, {"time_constants": (0.1, 9.0)}])
 def test_parts_that_leave_a_gap_are_refused(interval):
     content = parts_of(**interval)
@@ -416,6 +420,7 @@ def test_sampled_loops_are_counted_as_by_the_verdict(number, ratio):
     assert "Re w = c (z - 1)/(z + 1) >= 0" in str(certificate)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("late", "wait", "stable"),
     [(0.05, 0.1, 1), (0.6, 0.26, 1), (1.0, 1.0, 1), (2.0, 0.1, 0), (2.0, 0.26, 0)],
@@ -481,6 +486,7 @@ def test_a_piece_that_is_too_long_is_named_wherever_it_is():
             check(content)
 
 
+@pytest.mark.slow
 def test_parts_of_an_interval_are_said_to_join():
     loop = example(4)
     end = loop.process.delay + 0.99 * loop.margins().plant_loop.delay_margin

@@ -149,6 +149,7 @@ def test_levels_of_the_sensitivity_lie_where_the_margins_have_them():
         assert loop.margins().plant_loop.ms == pytest.approx(1.6, rel=2e-2)
 
 
+@pytest.mark.slow
 def test_the_plot_says_what_it_shows():
     chart = stability_chart(lag, lag, 1, x=("delay", 0.1, 1.0), y=("time_constant", 0.1, 1.0))
     figure = chart.plot()

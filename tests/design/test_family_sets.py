@@ -178,6 +178,7 @@ def test_an_exact_model_that_waits_is_stable_for_every_filter_of_a_family(kind):
     assert found == [(1e-2, inf)]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("wait", [0.0, 0.3])
 @pytest.mark.parametrize("gain", [1.0, 0.4])
 def test_beyond_the_largest_time_constant_the_plant_loop_is_smaller_than_the_gain(wait, gain):

@@ -100,6 +100,7 @@ def test_undamped_zeros_of_the_process_are_not_left_in_the_model():
     assert any(candidate.time_constants for candidate in candidates)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("process", [1 / ((s + 1) * (s**2 + 4)), (s + 3) / ((s + 2) * (s**2 + 9))])
 def test_an_undamped_mode_is_damped_in_the_model(process):
     best = suggest_model(process)[0]
@@ -110,6 +111,7 @@ def test_an_undamped_mode_is_damped_in_the_model(process):
     assert NRDOB(process, best.model, 0.0, filter).margins().plant_loop.stable
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("lags", [3, 6, 10, 14])
 def test_a_matched_model_has_the_coefficients_of_the_process(lags):
     process = ct.tf([2.0], np.poly([-1.0] * lags))

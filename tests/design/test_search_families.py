@@ -32,6 +32,7 @@ def test_a_family_of_lags_is_judged_as_its_order_is():
 # A model that waits.
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("filters", [3, filter_family("bessel", 3)], ids=repr)
 def test_the_filter_for_a_model_that_waits_just_meets_the_specification(filters):
     example = nrdob.paper.example(4)
@@ -60,6 +61,7 @@ def test_waiting_lets_the_filter_of_example_4_be_faster():
         design_filter(example.process, waiting, order=3, max_ms=2.5)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("gain", "max_ms"), [(0.7, 3.0), (1.2, 6.0), (0.9, 6.0)])
 def test_the_narrow_peaks_of_a_model_that_waits_longer_than_the_process_are_seen(gain, max_ms):
     # Before each turn of the model's dead time 1 - F exp(-θm s) is small, the narrower the faster.
@@ -76,6 +78,7 @@ def test_the_narrow_peaks_of_a_model_that_waits_longer_than_the_process_are_seen
     assert peak(0.98 * low) > max_ms > max(peak(low * factor) for factor in (1.02, 2, 10, 100))
 
 
+@pytest.mark.slow
 def test_lags_read_as_a_family_are_sampled_to_the_windows_that_their_order_excludes():
     rng = np.random.default_rng(5)
     for _ in range(4):
@@ -108,6 +111,7 @@ def test_a_slow_end_of_the_response_does_not_hide_a_fast_peak():
     assert step_peak(loop) == pytest.approx(early, rel=1e-4)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("max_ms", [1.2, 2.0, 4.0])
 def test_a_family_of_lags_with_dead_time_has_the_windows_of_its_order(max_ms):
     # The two ways disagreed for 3 of 30 delayed loops, and one of them refused them.

@@ -411,6 +411,7 @@ def lost_at(n):
     return float(np.min(2 / x * np.arcsin((1 + x**2) ** (n / 2) / 2)))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("n", range(1, 7))
 @pytest.mark.parametrize("side", [-1, 1])
 def test_a_dead_time_wrong_by_c_n_time_constants_is_too_wrong(n, side):

@@ -81,6 +81,7 @@ def test_power_with_dead_time_is_the_integral_by_extended_precision():
     assert loop.S_eta.noise_power() == pytest.approx(float(exact + rest), rel=1e-8)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("dead_time", "time_constant", "order"), [(5.0, 4.0, 2), (0.05, 0.09, 3), (3.0, 6.0, 2)]
 )
@@ -142,6 +143,7 @@ def test_a_model_that_waits_exactly_passes_what_the_filter_passes():
     assert loop.S_eta.noise_power() == pytest.approx(1 / (4 * 0.5), rel=1e-12)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("theta", "wait", "order"), [(1.0, 0.8, 2), (0.0, 0.7, 2), (0.5, 1.1, 3)])
 def test_two_dead_times_pass_the_integral_of_the_squared_size(theta, wait, order):
     loop = nrdob.NRDOB(

@@ -49,6 +49,7 @@ def test_it_is_the_only_prediction_that_leaves_the_controller_without_dead_time(
     assert sp.expand((1 - F * EM) * GM * u + F * y - (GM * u + F * (y - GM * EM * u))) == 0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("theta", "wait"), [(0.5, 0.3), (0.5, 0.5), (0.2, 0.9), (0.0, 0.4)])
 def test_every_map_is_what_elimination_gives(solved, theta, wait):
     blocks = 2 / ((s + 1) * (s + 3)), 1 / ((s + 1.2) * (s + 2)), (s + 1) / s

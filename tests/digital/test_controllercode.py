@@ -92,6 +92,7 @@ def test_the_code_of_the_chapter_on_processors_does_what_its_simulation_does():
     assert relative(run_c(sampled, "speed", *given)[0], expected.u) < 1e-12
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("wait", [0.2, 0.13, 0.03])
 def test_a_model_that_waits_is_generated_with_its_memory(wait):
     sampled = sampled_loop(wait=wait)
@@ -215,6 +216,7 @@ def test_what_is_not_finite_is_left_out_by_each_of_two_instances(cc, dtype, seed
         assert twin.skipped == skipped[i, -1] == (~whole[i]).sum() > 0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("bad", BAD)
 def test_an_actuator_that_answers_nonsense_is_taken_to_obey(bad):
     told, obeyed = (python_class(sampled_loop().code().to_python())() for _ in "12")
@@ -293,6 +295,7 @@ def test_blocks_are_tustins():
 # Names, types, ranges.
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "written"),
     [

@@ -88,6 +88,7 @@ def certified(num, den, delay, dt, omega):
         return complex((C * state)[0] + num[0] / z), complex((z - 1) / (z + 1) * 2 / dt)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("dt", [1.0, 1e-2, 1e-5])
 @pytest.mark.parametrize("part", [0.0, 0.625])
 @pytest.mark.parametrize(
@@ -341,6 +342,7 @@ def test_a_root_at_z_equal_to_1_is_said_and_not_counted():
 # Margins.
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("number", NUMBERS)
 def test_margins_are_where_the_loop_is_lost(number):
     loop = paper.example(number)

@@ -362,6 +362,7 @@ def test_one_sample_is_enough():
     assert "1 samples to 0 s, u limited in 1 of them" in repr(found)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("last", [9e4, 1.1e5])
 def test_a_step_response_of_more_than_a_million_samples_is_refused(last):
     sampled = lag_loop().sampled(0.1)

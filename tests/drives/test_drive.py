@@ -100,12 +100,14 @@ def hunting(response, last=10_000):
     return float(response.applied[-last:].min()), float(response.applied[-last:].max())
 
 
+@pytest.mark.slow
 def test_a_position_loop_hunts_between_the_breakaway_torques():
     drive = Drive(OneMass(J), STICKY, Encoder(10_000))
     low, high = hunting(drive.simulate(position_loop(), {"R": 1.0}, timepts=30.0))
     assert -0.16 < low < -0.145 and 0.145 < high < 0.16
 
 
+@pytest.mark.slow
 def test_what_helps_against_hunting_and_its_price():
     drive = Drive(OneMass(J), STICKY, Encoder(10_000))
     banded = drive.simulate(position_loop(), {"R": 1.0}, timepts=20.0, dead_band=0.02)

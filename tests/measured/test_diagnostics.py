@@ -147,6 +147,7 @@ def test_scatter_is_that_of_generalised_least_squares():
     assert found.weights.sum() == pytest.approx(1) and found.weights[k] > 1e-3
 
 
+@pytest.mark.slow
 def test_intervals_hold_the_gain_while_a_slow_wave_passes():
     # A step of unit gain, linear in what is estimated; 47 of these 60 were held before.
     rng = np.random.default_rng(8)
@@ -189,6 +190,7 @@ def test_a_search_does_not_end_with_the_wrong_sign_of_a_slow_plant():
         assert found.validation_percent > 95
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("held_out", "fitted"), [(0.25, 300), (0.5, 200), (0.0, 400)])
 def test_as_much_of_the_record_is_held_out_as_was_asked_for(held_out, fitted):
     found = identify(*lag(switched()), structure=ONE_LAG, held_out=held_out)
@@ -219,6 +221,7 @@ def test_the_held_out_part_has_a_veto():
     assert refused.loop is None and "worse than a constant" in refused.warnings[0]
 
 
+@pytest.mark.slow
 def test_a_rival_with_a_gain_of_the_other_sign_leaves_the_sign_open():
     # A gain of 1 that answers the wrong way first, in a record that ends before it has turned.
     t, rng = np.arange(32.0), np.random.default_rng(39)
@@ -233,6 +236,7 @@ def test_a_rival_with_a_gain_of_the_other_sign_leaves_the_sign_open():
     assert gain.low <= -abs(gain.value) and gain.high >= abs(gain.value)
 
 
+@pytest.mark.slow
 def test_a_rival_with_the_same_sign_leaves_the_sign_of_the_gain_alone():
     lags = [each for each in STRUCTURES if each.name in (ONE_LAG, "two lags with dead time")]
     found = identified(checked_record(*lag(switched(150), noise=0.3)), tuple(lags))
@@ -258,6 +262,7 @@ def test_outliers_are_told():
     assert said.startswith("3 samples of y are outliers") and "at 333 s" in said
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("begins", [True, False])
 def test_a_spike_that_a_fit_would_follow_is_left_out(begins):
     t, u, y = lag(np.where(np.arange(240) < 120, 0.0, 1.0))
@@ -352,6 +357,7 @@ def test_a_limit_is_told_only_where_with_it_the_record_is_explained():
     assert not any("cut off" in said for said in told(t, u, clipped + 1.5 * np.sin(t / 40) ** 3))
 
 
+@pytest.mark.slow
 def test_what_a_pulse_of_the_input_does_is_no_spike():
     inputs = np.where(np.arange(200) % 100 == 60, 1.0, 0.0)
     t, u, y = np.arange(200), inputs, np.append(0.0, 3 * inputs[:-1])
@@ -359,6 +365,7 @@ def test_what_a_pulse_of_the_input_does_is_no_spike():
     assert not [each for each in told(t, u, y) if "far from" in each]
 
 
+@pytest.mark.slow
 def test_an_outlier_upon_a_drift_is_told():
     t, u, y = lag(switched(200))
     y = y + np.sin(2 * np.pi * t / 200)
@@ -366,6 +373,7 @@ def test_an_outlier_upon_a_drift_is_told():
     assert any("such as" in said and "at 50 s" in said for said in told(t, u, y))
 
 
+@pytest.mark.slow
 def test_a_sample_off_by_less_than_y_usually_moves_is_no_outlier():
     t, u, y = lag(switched(200), noise=1e-4)
     usual = np.median(np.abs(np.diff(y)))
@@ -486,6 +494,7 @@ def test_the_chance_of_a_white_residual_is_that_of_ljung_and_box():
     assert "white (p = 1)" in check_residuals(np.zeros(40), u, 1).reason
 
 
+@pytest.mark.slow
 def test_a_gain_that_need_not_be_there_may_be_zero():
     rng = np.random.default_rng(0)
     u, y = np.sign(rng.standard_normal(60)), rng.standard_normal(60)

@@ -131,6 +131,7 @@ def test_process_stands_in_a_loop():
     assert nrdob.stabilizing_time_constants(found.process, model, 1)
 
 
+@pytest.mark.slow
 def test_a_record_that_begins_with_the_step_has_the_numbers_of_the_plant():
     t = 0.1 * np.arange(300)
     noise = np.random.default_rng(0).standard_normal(300)
@@ -146,6 +147,7 @@ def test_a_record_that_begins_with_the_step_has_the_numbers_of_the_plant():
     )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", [0, 1])
 def test_a_structure_that_is_too_simple_is_not_said_to_have_no_gain(seed):
     rng = np.random.default_rng(seed)
@@ -168,6 +170,7 @@ def test_units_scale_with_the_time_axis():
     assert slow.process(0.001j) == pytest.approx(fast.process(1j))
 
 
+@pytest.mark.slow
 def test_output_cut_off_by_a_limit_is_left_out():
     rng = np.random.default_rng(4)
     case = measured(BY_NAME["one lag with dead time"], "binary", "white", rng, noise=1e-4)
@@ -336,6 +339,7 @@ def test_a_step_just_before_the_end_tells_no_numbers():
         identify(t, 1.0 * (t > 97), y, structure="one lag with dead time")
 
 
+@pytest.mark.slow
 def test_a_coarse_sensor_widens_the_intervals():
     rng = np.random.default_rng(4)
     case = measured(BY_NAME["one lag with dead time"], "binary", "white", rng, noise=1e-4)

@@ -65,6 +65,7 @@ def test_nothing_crosses_where_the_moving_term_is_the_smallest():
     assert crossings_between(q, (r, 3.0), moving, 0.1, 1e6) == 0
 
 
+@pytest.mark.slow
 @given(
     st.integers(1, 4).flatmap(lambda n: root_sets(n)),
     st.integers(0, 3).flatmap(lambda n: root_sets(n)),
@@ -84,6 +85,7 @@ def test_a_root_that_stays_at_zero_is_not_counted(zq, zr, log_share, log_delay):
     assert p.rhp_in_whole_numbers == found
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("scale", [1e-3, 1.0, 1e3])
 def test_a_root_that_stays_at_the_origin_is_not_counted_but_the_real_one_that_passes_it_is(scale):
     # p_B over s of an integrating model that waits for another time than the process.

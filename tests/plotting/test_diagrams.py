@@ -112,6 +112,7 @@ def test_the_equations_in_sympy_are_those_read_off_the_picture(draw: Callable[[]
             assert sp.simplify(sp.diff(answer, sp.Symbol(given)) - wanted.subs(model)) == 0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("delayed", [False, True])
 def test_figure_1_solved_gives_the_maps_of_the_package(delayed: bool) -> None:
     solved = maps(diagrams.nrdob())
@@ -195,6 +196,7 @@ def test_lines_pass_through_no_part(draw: Callable[[], Diagram]) -> None:
 # The drawing itself.
 
 
+@pytest.mark.slow
 @each_diagram
 def test_what_is_drawn_is_what_is_read(draw: Callable[[], Diagram]) -> None:
     diagram = draw()
@@ -207,6 +209,7 @@ def test_what_is_drawn_is_what_is_read(draw: Callable[[], Diagram]) -> None:
         assert np.linalg.norm(line[-1] - diagram.polyline(wire)[-1]) == pytest.approx(0.25)
 
 
+@pytest.mark.slow
 @each_diagram
 def test_every_block_and_signal_is_labelled_once(draw: Callable[[], Diagram]) -> None:
     diagram = draw()
@@ -223,6 +226,7 @@ def test_every_block_and_signal_is_labelled_once(draw: Callable[[], Diagram]) ->
     assert shown.count("+") == sum(term.sign > 0 for term in terms)
 
 
+@pytest.mark.slow
 @each_diagram
 def test_texts_overlap_neither_each_other_nor_a_line_and_none_is_cut(
     draw: Callable[[], Diagram],
@@ -258,6 +262,7 @@ def test_the_users_axes_are_used() -> None:
     assert plt.get_fignums() == [user.number]
 
 
+@pytest.mark.slow
 def test_the_users_settings_neither_change_nor_matter() -> None:
     expected = diagrams.nrdob().plot().png()
     before_schemdraw = dict(schemdraw.schemdraw.schemdrawstyle)

@@ -45,6 +45,7 @@ def test_a_move_changes_the_picture_and_back_again_restores_it(explorer):
     assert explorer.frame() == first
 
 
+@pytest.mark.slow
 def test_frames_look_like_the_figure_drawn_afresh(explorer):
     explorer.frame()
     explorer.move(slope=0.9)

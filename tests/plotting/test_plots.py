@@ -111,6 +111,7 @@ def test_the_backend_is_loaded_outside_the_style(monkeypatch: pytest.MonkeyPatch
     assert seen == [mpl.rcParamsDefault["text.color"]]
 
 
+@pytest.mark.slow
 def test_the_notebook_gets_one_png_with_alt_text_and_its_size() -> None:
     figure = paper.example(3).plot_nyquist()
     data, metadata = figure._repr_mimebundle_()
@@ -139,6 +140,7 @@ def test_the_same_figure_has_the_same_bytes(method: str) -> None:
     assert b"matplotlib" not in first
 
 
+@pytest.mark.slow
 def test_the_ground_is_transparent() -> None:
     figure = paper.example(3).plot_nyquist()
     png = figure.png()
@@ -504,6 +506,7 @@ def test_a_plot_function_is_told_a_map_from_a_loop() -> None:
         bode_plot(loop.FH, margins=3)  # type: ignore[arg-type]
 
 
+@pytest.mark.slow
 def test_of_a_million_turns_few_are_drawn_and_the_words_say_so() -> None:
     lag = ct.tf([1], [1, 1])
     loop = nrdob.NRDOB(delay(1e4) * lag, lag, 0.1, LowPassFilter(0.01, 1))
@@ -561,6 +564,7 @@ def test_a_curve_that_shrinks_to_a_circle_is_closest_at_infinity() -> None:
     assert closest_approach(H, contour(H)) == (0.5, np.inf, pytest.approx(-0.5))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("num", "den"), [([1], [1, 1, 0]), ([1], [1, 1, 0, 0]), ([1], [1, 0, 1]), ([1, 1], [1])]
 )

@@ -115,6 +115,7 @@ def test_the_report_of_a_record_tells_what_was_found():
     assert "cannot be written" not in text
 
 
+@pytest.mark.slow
 def test_where_nothing_was_held_out_the_report_does_not_tell_of_it():
     told = of_record().identification
     found = replace(told, validation_percent=np.nan, fitted=told.record.u.size)
@@ -140,6 +141,7 @@ def test_where_nothing_works_the_report_says_why(process, said):
     assert "No loop that works was found" in text and said in text
 
 
+@pytest.mark.slow
 def test_where_only_the_process_itself_is_a_model_that_works_it_is_proposed():
     found = propose((s - 4) / ((s - 1) * (s + 1)))
     peak = found.loop.margins().plant_loop.ms
@@ -220,6 +222,7 @@ def test_a_resonance_that_may_be_nowhere_else_is_the_headline():
     assert found.verdict.startswith("With the process' resonance at 10 rad/s 2 % lower")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("delay", [0.0, 0.5])
 def test_a_proposal_does_not_rest_on_the_frequency_of_a_resonance(delay):
     proposal = propose(nrdob.delay(delay) * ct.tf([1], [1, 0.02, 1]))
@@ -229,6 +232,7 @@ def test_a_proposal_does_not_rest_on_the_frequency_of_a_resonance(delay):
         assert nrdob.NRDOB(process, *blocks(proposal.loop)).stability().stable
 
 
+@pytest.mark.slow
 def test_a_proposal_is_tried_once_on_each_process(monkeypatch):
     found, judged = slow_record(), []
     margins = nrdob.NRDOB.margins
@@ -257,6 +261,7 @@ def test_a_loop_that_fails_on_what_the_record_does_not_exclude_is_the_headline()
     assert "it is unstable on 1" in found.verdict
 
 
+@pytest.mark.slow
 def test_a_verdict_that_is_not_decided_is_the_headline(monkeypatch):
     loop = nrdob.NRDOB(1 / (s + 1), 1 / (s + 1), 1 / s, (1, [1, 1]))
     verdict = replace(loop.stability(), stable=None)
@@ -453,6 +458,7 @@ def test_filters_are_listed_for_this_order_and_the_next():
     assert [row[0] for row in found.tables[0].rows] == ["n = 1", "n = 2"] and not found.warnings
 
 
+@pytest.mark.slow
 def test_a_loop_that_is_stable_on_the_processor_raises_no_alarm():
     loop = nrdob.NRDOB(1 / (s + 1), 1 / (s + 1), 1 / s, nrdob.LowPassFilter(0.5, 1))
     assert loop.sampled(0.1).stability().stable
@@ -469,6 +475,7 @@ def test_a_loop_whose_largest_sampling_time_is_not_known_is_sampled_every_tenth_
     assert "At dt = 0.1 s, chosen here, the sampled loop is " in found.words[-1]
 
 
+@pytest.mark.slow
 def test_counts_that_are_not_known_are_question_marks():
     # λ = 2θ/π: a root on the imaginary axis
     process, F = nrdob.delay(1.0) / (s + 1), nrdob.LowPassFilter(2 / np.pi, 1)

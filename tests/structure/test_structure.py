@@ -136,6 +136,7 @@ def broken(copy: Path) -> str:
     return " ".join(done.stdout.split())
 
 
+@pytest.mark.slow
 def test_a_module_moved_to_another_subpackage_is_named(copy: Path) -> None:
     (copy / "nrdob/analysis/nyquist.py").rename(copy / "nrdob/diagram/nyquist.py")
     assert "nrdob.analysis.nyquist does not exist" in broken(copy)

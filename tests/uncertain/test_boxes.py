@@ -81,6 +81,7 @@ def test_a_box_survives_up_to_its_share_and_not_beyond(number, names):
     assert abs(1 + L) < 1e-3
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("narrow", [{"lag": (0.0, 0.0381)}, {"gain": (0.9999, 1.0001)}])
 def test_a_box_that_is_narrow_in_all_but_the_dead_time_is_no_larger_than_its_dead_time(narrow):
     # Said to survive as a whole before: only in 0.03 % of a decade a plant of it can oscillate.
@@ -94,6 +95,7 @@ def test_a_box_that_is_narrow_in_all_but_the_dead_time_is_no_larger_than_its_dea
     assert nrdob.largest_box(loop, delay=(0.0, 8.0), **narrow).share == pytest.approx(alone, 1e-2)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("longest", [1e-2, 1e-4, 1e-6])
 def test_a_narrow_box_of_dead_times_and_a_wide_one_of_gains_end_at_the_closed_form(longest):
     # L = k exp(-(0.1 + τ)s)/(0.5s) is lost where k (0.1 + τ) = π/4, at the corner k = 1 + 39σ.
@@ -193,6 +195,7 @@ def test_a_loop_that_is_not_stable_has_no_box_and_no_small_gain():
         delay_intervals(MATCHED, -0.1, 1)
 
 
+@pytest.mark.slow
 def test_a_weight_holds_every_plant_and_touches_one():
     omega = np.geomspace(0.01, 1e3, 150)
     family = nrdob.plant_family(LAG, gain=(0.8, 1.3), lag=(0, 0.1), delay=(0, 0.02), samples=60)

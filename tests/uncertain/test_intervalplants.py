@@ -29,6 +29,7 @@ def sampled(loop, num, den, share, rng, count=20_000):
     return hurwitz(p, ROUNDING * np.abs(p))[0].mean()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("number", [1, 2, 3])
 def test_a_box_of_coefficients_survives_up_to_its_exact_share(number):
     loop = paper.example(number)

@@ -17,6 +17,7 @@ def worst_ms(plants, loop, filter):
     return table["ms"].max() if table["stable"].all() else np.inf
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("number", [2, 4])
 def test_the_worst_member_meets_the_specification_and_with_a_faster_filter_it_does_not(number):
     loop = paper.example(number)
@@ -35,6 +36,7 @@ def test_what_is_met_however_fast_is_left_to_the_noise():
         nrdob.design_filter(plants, loop.model, order=2, max_ms=1.7)
 
 
+@pytest.mark.slow
 def test_a_dead_time_of_the_longest_decides():
     plants = nrdob.plant_family(LAG, delay=(0.1, 0.3), grid=3)
     F = nrdob.design_filter(plants, LAG, order=1, max_ms=2.0)
