@@ -94,7 +94,7 @@ map: $(READY) ## print the layers of the package, each module with its lines
 	$(PY) -m tests.structure.map
 
 # Without the slow tests, those of the course (make test-exercises) and most random examples.
-quick: $(READY) ## the checks of the working day, below a minute
+quick: $(READY) ## the checks of the working day, in about a minute
 	@$(MAKE) --jobs=2 lint types layers unit \
 		FAST='-m "not slow" --ignore=tests/course --hypothesis-profile=quick'
 
