@@ -100,7 +100,8 @@ class Problem:
         slope, intercept = np.polyfit(times, self.outputs[times], 1)
         scatter = np.std(self.outputs[times] - slope * times - intercept, ddof=2)
         sure = slope * np.sign(far) + 2 * scatter / np.sqrt(times.size * np.var(times))
-        return abs(far) > OWN and sure < BEFORE * abs(far) / moved.size
+        rests = scatter < OWN * abs(far)  # and does not swing
+        return bool(abs(far) > OWN and rests and sure < BEFORE * abs(far) / moved.size)
 
     def whitening(self, residual: FloatArray) -> Whitening:
         """Find the filter that whitens a residual; none where many samples are missing."""

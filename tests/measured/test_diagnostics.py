@@ -323,6 +323,18 @@ def test_a_plant_that_rests_until_the_step_does_not_begin_to_move_by_itself_with
 
 
 @pytest.mark.slow
+def test_a_plant_that_swings_before_the_step_moves_by_itself():
+    times = np.arange(500)
+    swing = np.exp(-0.004 * times) * np.cos(0.2 * times)
+    inputs = np.where(times < 400, 0.0, 1.0)
+    answer = response(np.array([1.0, 0.008, 0.04]), np.array([0.04]), 3.0, inputs)
+    noise = 0.01 * np.random.default_rng(0).standard_normal(500)
+    found = identify(times, inputs, 2 + swing + answer + noise, structure="two lags with dead time")
+    gain = found.parameters["gain"]
+    assert gain.low < 1 < gain.high < 1.2 and gain.low > 0.8
+
+
+@pytest.mark.slow
 def test_a_gain_that_is_not_told_from_its_lag_is_called_so():
     found = identify(*oven(np.where(np.arange(60) < 15, 0.0, 30.0)))
     assert "does not come to rest" in found.unsure
