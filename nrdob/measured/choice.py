@@ -30,7 +30,6 @@ OUTDONE = 8.0
 ALONE = 3
 """How many times as decisive an integrator must be where no part of the record was held out."""
 
-
 FAR_LONGER = 3.0
 """Durations of the record that a lag lasts which is as good as an integrator."""
 
@@ -38,6 +37,7 @@ TOGETHER = 0.9
 """Correlation of gain and lag from which on the one is not told from the other."""
 
 SLOWNESS = {"lag", "slow lag", "natural frequency"}
+"""Names of the number that tells how long the plant takes to come to rest."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,7 +56,8 @@ class Judged:
     def vague(self, duration: float) -> bool:
         """Whether the gain may be zero, or a lag lasts longer than the record.
 
-        So does an integrator whose zero hides it: what it adds is no more than a drift.
+        So does an integrator whose zero hides it: what it adds is no more than a drift. A fit that
+        moves by itself as the input does is no better known.
         """
         gain = self.parameters["gain"]
         return self.hides or gain.low <= 0 <= gain.high or self.fit.slowest > duration

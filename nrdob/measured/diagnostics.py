@@ -15,7 +15,7 @@ from .parameters import Parameter
 from .records import Record
 from .residuals import products, whitening_of
 
-__all__ = ["LITTLE", "doubts"]
+__all__ = ["LITTLE", "doubts", "why_open"]
 
 LITTLE = 30.0  # per cent of the output explained below which a process is doubtful
 SETTLED = 2.0  # lags that a record must last after the input first moves
@@ -33,18 +33,19 @@ CLIPPED, EXPLAINED = 0.7, 0.1
 def doubts(
     record: Record,
     parameters: dict[str, Parameter],
-    worth: tuple[float, float, bool, bool],
+    worth: tuple[float, float, bool],
+    open_gain: str,
     residual: FloatArray,
     fit: Fit,
 ) -> tuple[str, ...]:
     """Look for all that is known to mislead a fit; the gravest first.
 
-    Worth: per cent explained of the part fitted and of that held out, whether the residual, in
-    units of y from the start of the fit on, still follows the input, and whether gain and lag are
-    not told from each other.
+    Worth: per cent explained of the part fitted and of that held out, and whether the residual, in
+    units of y from the start of the fit on, still follows the input. Open_gain: what to do where
+    the gain is open, or empty.
     """
     return (
-        *_worth(*worth, parameters["gain"]),
+        *_worth(*worth, open_gain),
         *_closed_loop(record, residual, fit),
         *_limited(record, fit),
         *_short(record, parameters),
@@ -53,25 +54,38 @@ def doubts(
     )
 
 
-def _worth(
-    fitted: float, foretold: float, follows: bool, unsettled: bool, gain: Parameter
-) -> Iterator[str]:
+def why_open(gain: Parameter, follows: bool, unsettled: bool) -> tuple[str, str]:
+    """Say why a gain may be zero, and with a remedy; two empty texts if it may not.
+
+    Follows: the residual still follows the input; unsettled: gain and lag are not told apart.
+    """
+    if not gain.low <= 0 <= gain.high:
+        return "", ""
+    if unsettled:
+        return "y does not come to rest in the record, so that its gain is open", (
+            "y does not come to rest in the record, so that the gain is not told from the lag: "
+            "record longer"
+        )
+    if follows:
+        return (
+            "its structure leaves so much of what the input does unexplained that its gain is open",
+            "the structure leaves so much of what u does to y unexplained that its gain is open: "
+            "try another one, or look for what else moves y",
+        )
+    return "the gain of the process may be zero, or of either sign", (
+        "the gain may be zero, or of either sign: the record does not show that u acts on y; make "
+        "a larger step, or repeat it"
+    )
+
+
+def _worth(fitted: float, foretold: float, follows: bool, open_gain: str) -> Iterator[str]:
     if foretold < 0:
         yield (
             "the part held out is foretold worse than a constant would: the process changes, "
             "something else moves y, or the record is too short; repeat the measurement"
         )
-    if gain.low <= 0 <= gain.high:
-        yield (
-            "y does not come to rest in the record, so that the gain is not told from the lag: "
-            "record longer"
-            if unsettled
-            else "the structure leaves so much of what u does to y unexplained that its gain is "
-            "open: try another one, or look for what else moves y"
-            if follows
-            else "the gain may be zero, or of either sign: the record does not show that u acts on "
-            "y; make a larger step, or repeat it"
-        )
+    if open_gain:
+        yield open_gain
     if not fitted > LITTLE and not follows:
         yield (
             f"the input explains only {max(fitted, 0.0):.0f} % of the output: look whether "

@@ -18,7 +18,7 @@ import numpy as np
 from ..diagram import DelayedTransferFunction
 from ..numerics import FloatArray, is_real
 from .choice import chosen, criterion, denied_sign, estimates, judge, weighed
-from .diagnostics import LITTLE, doubts
+from .diagnostics import LITTLE, doubts, why_open
 from .fitting import Problem, best_fit, simple_fit
 from .parameters import CONFIDENCE, Parameter, corners_of, process_of
 from .records import Record, checked_record, resolution
@@ -283,25 +283,16 @@ def identified(
         for each in judged
     )  # fmt: skip
     parameters, denied = denied_sign(best, rivals, judged, needless)
-    unsettled = best.unsettled and not (denied or needless)
+    open_gain, remedy = why_open(
+        parameters["gain"], follows, best.unsettled and not (denied or needless)
+    )
     remarks = doubts(
-        record, parameters, (best.fit_percent, best.validation, follows, unsettled),
+        record, parameters, (best.fit_percent, best.validation, follows), remedy,
         sizes[1] * np.where(record.free[start:], whole.left(fit), 0.0), fit,
     )  # fmt: skip
     plain = simple_fit(whole, fit)
-    gain = parameters["gain"]
-    unsure = []
-    if best.validation < 0:
-        unsure.append("the process foretells the part held out worse than a constant would")
-    if gain.low <= 0 <= gain.high:
-        unsure.append(
-            "y does not come to rest in the record, so that its gain is open"
-            if unsettled
-            else "its structure leaves so much of what the input does unexplained that its gain is "
-            "open"
-            if follows
-            else "the gain of the process may be zero, or of either sign"
-        )
+    vetoed = "the process foretells the part held out worse than a constant would"
+    unsure = (vetoed if best.validation < 0 else "", open_gain)
     return Identification(
         process=process_of(fit, *units),
         structure=fit.structure.name,
@@ -313,7 +304,7 @@ def identified(
         candidates=candidates,
         reason=f"{reason}; {parting}".removesuffix("; "),
         remarks=(*denied, *remarks, *record.remarks),
-        unsure=", and ".join(unsure),
+        unsure=", and ".join(filter(None, unsure)),
         corners=corners_of(fit.structure, parameters),
         plain=process_of(plain, *units) if plain else None,
         record=record,

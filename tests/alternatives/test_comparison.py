@@ -19,7 +19,7 @@ from nrdob.alternatives import (
     load_errors,
     simc_pi,
     tune,
-)  # fmt: skip
+)
 from nrdob.alternatives.measures import step_peak
 from nrdob.diagram import DelayedTransferFunction
 
