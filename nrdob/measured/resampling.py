@@ -117,11 +117,13 @@ def _numbered(t: FloatArray, place: Callable[[int], str]) -> tuple[IntArray, flo
     usual = float(np.median(steps))
     off = np.abs(steps / usual - np.round(steps / usual))
     if off.max() > JITTER or steps.min() < 0.5 * usual:
-        k = int(np.argmax(steps)) + 1
+        uneven = np.flatnonzero((off > JITTER) | (steps < 0.5 * usual)) + 1
         raise ValueError(
-            f"t is not evenly sampled: its steps lie between {steps.min():.4g} and "
-            f"{steps.max():.4g} s, the largest before {place(k)}; use a stretch without gaps, or "
-            f"log at a fixed rate ({IF_EVEN})"
+            f"t is not evenly sampled: {uneven.size} of its {steps.size} steps are no multiple of "
+            f"{usual:.4g} s, the usual one, the first before {place(int(uneven[0]))}; they lie "
+            f"between {steps.min():.4g} and {steps.max():.4g} s, the largest before "
+            f"{place(int(np.argmax(steps)) + 1)}; use a stretch without gaps, or log at a fixed "
+            f"rate ({IF_EVEN})"
         )
     index = np.concatenate([[0], np.cumsum(np.round(steps / usual).astype(int))])
     return index, float((t[-1] - t[0]) / index[-1])

@@ -22,8 +22,9 @@ from .textfiles import Sheet, read_sheet
 
 __all__ = ["heated_air", "read_data"]
 
-# Times as often as y that u may change where nothing but their order says which is which.
-SWAPPED = 10
+# Where nothing but their order says which is which: times as often as y that u may change, and
+# times as many values that it may take, if y takes few.
+SWAPPED, FEW = 10, 5
 # Days since 1900, as spreadsheets count them, of the years 1982 to 2064.
 EXCEL_DAYS = (30_000.0, 60_000.0)
 HEATED_AIR_STEP = 0.08
@@ -97,12 +98,11 @@ def read_data(
     choice = chosen(heads, asked, sampling_time is None, table)
     _check_widths(sheet, len(heads))
     u, y = (_numbers(sheet, what, choice.order[what]) for what in ("u", "y"))
-    moves_of_u, moves_of_y = (np.count_nonzero(np.diff(values)) for values in (u, y))
-    if choice.remarks and moves_of_u > SWAPPED * moves_of_y:
+    if choice.remarks and _swapped(u, y):
         raise ValueError(
-            f"the headings of {short(path.name)} do not say which column is u and which is y, and "
-            "in the order t, u, y the input would move at most samples and the output hardly "
-            "ever: name them, such as --columns "
+            f"nothing in {short(path.name)} says which column is u and which is y, and in the "
+            "order t, u, y the output would jump between a few values, as an input does, and the "
+            "input move like an output: name them, such as --columns "
             f"u={choice.order['y'] + 1},y={choice.order['u'] + 1} (in Python columns="
             f"{{'u': {choice.order['y'] + 1}, 'y': {choice.order['u'] + 1}}})"
         )
@@ -153,6 +153,14 @@ def heated_air() -> Record:
     (1000, 3.41, 6.41)
     """
     return read_data(Path(__file__).with_name("heated_air.csv"), sampling_time=HEATED_AIR_STEP)
+
+
+def _swapped(u: FloatArray, y: FloatArray) -> bool:
+    """Say whether u looks measured, and y like what somebody has set."""
+    moves_of_u, moves_of_y = (np.count_nonzero(np.diff(values)) for values in (u, y))
+    values_of_u, values_of_y = (np.unique(values).size for values in (u, y))
+    few = values_of_y <= FEW and values_of_u > SWAPPED * values_of_y
+    return bool(moves_of_u > SWAPPED * moves_of_y or few)
 
 
 def _check_widths(sheet: Sheet, width: int) -> None:

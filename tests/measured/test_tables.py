@@ -183,7 +183,11 @@ REFUSED = {
         replaced(lambda k: f"{k + 2 * (k > 149)},{(k > 149) * 1},{k % 5}", rows=300),
         "u changes from 0 to 1 while 2 samples are missing before line 152",
     ),
-    "irregular times": (replaced(lambda k: f"{k**1.3},{k // 7 % 2},{k % 5}"), "not evenly sampled"),
+    "irregular times": (
+        replaced(lambda k: f"{k**1.3:.6f},{k // 7 % 2},{k % 5}"),
+        "11 of its 59 steps are no multiple of 3.588 s, the usual one, the first before line 3; .*"
+        "the largest before line 61",
+    ),
     "fast and with jitter": (
         replaced(lambda k: f"{k + 0.08 * (k % 3)},{k // 7 % 2},{(-1) ** (k // 2)}"),
         "moves too fast between samples to be resampled",
@@ -245,6 +249,10 @@ REFUSED = {
     "output before input": (
         replaced(lambda k: f"{k},{k**0.5},{k // 30 % 2}", "Time,oven,heater"),
         "name them, such as --columns u=3,y=2",
+    ),
+    "output before a busy input": (
+        replaced(lambda k: f"{k},{k**0.5},{k * k // 7 % 2}", "Time,oven,heater", rows=90),
+        "jump between a few values, as an input does, .*such as --columns u=3,y=2",
     ),
     "constant input": (
         replaced(lambda k: f"{k},50,{k}"), "u is 50 in the whole .*--input-before 0",
