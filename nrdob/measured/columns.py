@@ -208,7 +208,7 @@ def _words(head: str) -> list[str]:
 
 
 def _is_time(head: str) -> int:
-    """2 for a heading of times, 1 for one that may be, 0 for none."""
+    """2 for a heading of times, 1 for one that may be, as its unit is one of time, 0 for none."""
     first, *others = _words(head) or [""]
     if not others and first in UNITS and len(first) > 1 and first != "min":
         return 2
@@ -216,7 +216,9 @@ def _is_time(head: str) -> int:
     measured = not behind or behind[0] in UNITS
     if first in TIME:
         return 2 if measured or re.search(r"[\[(]", head) else 0
-    return 1 if first in ("t", "ts") and measured else 0
+    within = re.search(r"[\[(]\s*(\w+)\s*[\])]$", head)
+    named = within is not None and within[1].lower() in UNITS
+    return int(named or (first in ("t", "ts") and measured))
 
 
 def _unit(head: str) -> str:

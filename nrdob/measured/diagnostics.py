@@ -125,9 +125,10 @@ def _outliers(record: Record, residual: FloatArray, start: int) -> Iterator[str]
     far = np.flatnonzero(apart > FAR * scale)
     if far.size:
         k = start + int(far[np.argmax(apart[far])])
+        said = "an outlier," if far.size == 1 else f"{far.size} outliers, such as"
         yield (
-            f"{far.size} samples of y are outliers, such as {record.y[k]:g} at "
-            f"{record.t[k]:g} s: correct or replace them by their neighbours, for they pull the fit"
+            f"y has {said} {record.y[k]:g} at {record.t[k]:g} s: correct such samples or replace "
+            "them by their neighbours, for they pull the fit"
         )
 
 

@@ -18,8 +18,11 @@ __all__ = ["Sampled", "evenly_sampled"]
 
 # Largest distance of a sample from the even grid, in sampling times, that is left as it is.
 EVEN = 0.05
-JITTER = 0.25  # largest error of an interval, in sampling times, that is resampled
-# Largest share of missing samples: in the whole record, and in one gap (of more than one).
+JITTER = 0.25  # error of an interval, in sampling times, from which on it is no multiple of one
+# Longest of intervals that are no multiples of one: in their mean, or as a share of the record.
+LONG, GAP = 3.0, 0.02
+# Largest share of missing samples, or of uneven intervals, and of those missing in one gap (of more
+# than one).
 MISSING, LONGEST = 0.05, 0.01
 SMOOTH = 0.05  # largest difference of two ways to interpolate y, against its standard deviation
 MINOR = 0.01  # share of missing samples up to which filling them is not worth a warning
@@ -48,7 +51,7 @@ def evenly_sampled(
 
     Times within 5 % of a sampling time of an even grid are left as they are. Times that were
     rounded are taken as even. Where a few rows are missing, y is interpolated (and not used) and u
-    held. Times with jitter are resampled: y along straight lines, u averaged over each interval.
+    held. Other times are resampled: y along straight lines, u averaged over each interval.
 
     >>> t = np.delete(np.arange(200.0), 7)
     >>> even = evenly_sampled(t, t > 20, t, "sample {}".format)
@@ -69,7 +72,19 @@ def evenly_sampled(
             )
             even = t[0] + spacing * np.arange(count)
             return Sampled(even, u, y, np.ones(count, dtype=bool), (), (said,))
-    index, spacing = _numbered(t, place)
+    steps = np.diff(t)
+    if (steps <= 0).any():
+        k = int(np.argmax(steps <= 0)) + 1
+        raise ValueError(
+            f"t goes from {t[k - 1]:.10g} to {t[k]:.10g} at {place(k)}; times must increase: put "
+            f"the samples in order, and take out what stands twice (or, {IF_EVEN})"
+        )
+    usual = float(np.median(steps))
+    off = np.abs(steps / usual - np.round(steps / usual))
+    if np.mean((off > JITTER) | (steps < 0.5 * usual)) > MISSING:
+        return _resampled(t, u, y, place)
+    index = np.concatenate([[0], np.cumsum(np.round(steps / usual).astype(int))])
+    spacing = float(span / index[-1])
     done = _gaps(index, t, u, place)
     size = int(index[-1]) + 1
     measured = np.zeros(size, dtype=bool)
@@ -79,11 +94,26 @@ def evenly_sampled(
         held = u[np.maximum.accumulate(np.where(measured, np.cumsum(measured) - 1, 0))]
     else:
         held = _averaged(t, u, grid)
-        done.append((_resampling(t, y, grid, place), _jitter(t) <= 2 * EVEN))
+        apart = f"intervals between the times differ by up to {100 * off.max():.2g} %"
+        done.append((_resampling(t, y, grid, place, apart), off.max() <= 2 * EVEN))
     notes, remarks = (
         tuple(said for said, small in done if small == kind) for kind in (True, False)
     )
     return Sampled(grid, held, np.interp(grid, t, y), measured, notes, remarks)
+
+
+def _resampled(t: FloatArray, u: FloatArray, y: FloatArray, place: Callable[[int], str]) -> Sampled:
+    """Take as many even times as there are uneven ones, unless a gap between these is long."""
+    steps, grid = np.diff(t), np.linspace(t[0], t[-1], t.size)
+    apart = f"the times lie between {steps.min():.4g} and {steps.max():.4g} s apart"
+    if steps.max() > max(LONG * (grid[1] - grid[0]), GAP * np.ptp(t)):
+        raise ValueError(
+            f"t is not evenly sampled: {apart}, most before {place(int(np.argmax(steps)) + 1)}; "
+            f"use a stretch without gaps, or log at a fixed rate ({IF_EVEN})"
+        )
+    said = _resampling(t, y, grid, place, apart)
+    measured = np.ones(t.size, dtype=bool)
+    return Sampled(grid, _averaged(t, u, grid), np.interp(grid, t, y), measured, (), (said,))
 
 
 def _rounding(t: FloatArray) -> tuple[float, float]:
@@ -103,30 +133,6 @@ def _rounding(t: FloatArray) -> tuple[float, float]:
     irregular = np.count_nonzero(np.abs(steps - np.median(steps)) > 0.5 * step)
     rounded = np.ptp(rest) <= 1.05 * step and EVEN * spacing < step <= COARSE * spacing
     return (step if rounded and irregular >= IRREGULAR else 0.0), spacing
-
-
-def _numbered(t: FloatArray, place: Callable[[int], str]) -> tuple[IntArray, float]:
-    """Give each sample its number on the even grid, and the sampling time."""
-    steps = np.diff(t)
-    if (steps <= 0).any():
-        k = int(np.argmax(steps <= 0)) + 1
-        raise ValueError(
-            f"t goes from {t[k - 1]:.10g} to {t[k]:.10g} at {place(k)}; times must increase: put "
-            f"the samples in order, and take out what stands twice (or, {IF_EVEN})"
-        )
-    usual = float(np.median(steps))
-    off = np.abs(steps / usual - np.round(steps / usual))
-    if off.max() > JITTER or steps.min() < 0.5 * usual:
-        uneven = np.flatnonzero((off > JITTER) | (steps < 0.5 * usual)) + 1
-        raise ValueError(
-            f"t is not evenly sampled: {uneven.size} of its {steps.size} steps are no multiple of "
-            f"{usual:.4g} s, the usual one, the first before {place(int(uneven[0]))}; they lie "
-            f"between {steps.min():.4g} and {steps.max():.4g} s, the largest before "
-            f"{place(int(np.argmax(steps)) + 1)}; use a stretch without gaps, or log at a fixed "
-            f"rate ({IF_EVEN})"
-        )
-    index = np.concatenate([[0], np.cumsum(np.round(steps / usual).astype(int))])
-    return index, float((t[-1] - t[0]) / index[-1])
 
 
 def _gaps(
@@ -166,26 +172,21 @@ def _gaps(
     return done
 
 
-def _jitter(t: FloatArray) -> float:
-    """Largest error of an interval, in sampling times."""
-    steps = np.diff(t) / np.median(np.diff(t))
-    return float(np.abs(steps - np.round(steps)).max())
-
-
-def _resampling(t: FloatArray, y: FloatArray, grid: FloatArray, place: Callable[[int], str]) -> str:
+def _resampling(
+    t: FloatArray, y: FloatArray, grid: FloatArray, place: Callable[[int], str], apart: str
+) -> str:
     """Say what resampling does; refuse it where the way of interpolating matters."""
-    apart = np.abs(CubicSpline(t, y)(grid) - np.interp(grid, t, y))
-    if float(np.sqrt(np.mean(apart**2))) > SMOOTH * y.std():
-        k = int(np.searchsorted(t, grid[np.argmax(apart)]))
+    changes = np.abs(CubicSpline(t, y)(grid) - np.interp(grid, t, y))
+    change = float(np.sqrt(np.mean(changes**2)))
+    if change > SMOOTH * y.std():
+        k = int(np.searchsorted(t, grid[np.argmax(changes)]))
         raise ValueError(
-            f"t is not evenly sampled (intervals differ by up to {100 * _jitter(t):.2g} %), and y "
-            f"moves too fast between samples to be resampled, most before {place(k)}: sample "
-            f"faster, or log at a fixed rate ({IF_EVEN})"
+            f"t is not evenly sampled ({apart}), and y moves too fast between samples to be "
+            f"resampled, most before {place(k)}: sample faster, or log at a fixed rate ({IF_EVEN})"
         )
     return (
-        f"intervals between the times differ by up to {100 * _jitter(t):.2g} %: resampled to one "
-        f"sample every {grid[1] - grid[0]:.5g} s, y along straight lines (which changes it by "
-        f"about {100 * np.sqrt(np.mean(apart**2)) / np.ptp(y):.1g} % of its range), u averaged "
+        f"{apart}: resampled to one sample every {grid[1] - grid[0]:.5g} s, y along straight lines "
+        f"(which changes it by about {100 * change / np.ptp(y):.1g} % of its range), u averaged "
         "over each interval"
     )
 

@@ -101,8 +101,8 @@ def read_data(
     if choice.remarks and _swapped(u, y):
         raise ValueError(
             f"nothing in {short(path.name)} says which column is u and which is y, and in the "
-            "order t, u, y the output would jump between a few values, as an input does, and the "
-            "input move like an output: name them, such as --columns "
+            "order t, u, y the output would rest or jump between a few values, as an input does, "
+            "and the input move like an output: name them, such as --columns "
             f"u={choice.order['y'] + 1},y={choice.order['u'] + 1} (in Python columns="
             f"{{'u': {choice.order['y'] + 1}, 'y': {choice.order['u'] + 1}}})"
         )
@@ -157,10 +157,10 @@ def heated_air() -> Record:
 
 def _swapped(u: FloatArray, y: FloatArray) -> bool:
     """Say whether u looks measured, and y like what somebody has set."""
-    moves_of_u, moves_of_y = (np.count_nonzero(np.diff(values)) for values in (u, y))
+    moves_of_u, moves_of_y = (int(np.count_nonzero(np.diff(values))) for values in (u, y))
     values_of_u, values_of_y = (np.unique(values).size for values in (u, y))
     few = values_of_y <= FEW and values_of_u > SWAPPED * values_of_y
-    return bool(moves_of_u > SWAPPED * moves_of_y or few)
+    return bool(moves_of_u > SWAPPED * max(moves_of_y, 1) or few)
 
 
 def _check_widths(sheet: Sheet, width: int) -> None:

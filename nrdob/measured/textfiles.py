@@ -194,8 +194,9 @@ def _commented(
         return None
     number, line = written[-1]
     heads = [cell.strip() for cell in _cells(COMMENT.sub("", line, count=1), separator)]
-    fits = len(heads) == width and known(heads) >= 2
-    return (number, heads) if fits else None
+    # A sentence may have as many words as there are columns.
+    sure = known(heads) >= 2 or (separator != " " and width > 2)
+    return (number, heads) if len(heads) == width and sure else None
 
 
 def _is_value(cell: str) -> bool:

@@ -119,4 +119,5 @@ def _range(values: FloatArray) -> str:
 
 
 def _sentence(text: str) -> str:
-    return f"{text[0].upper()}{text[1:]}."
+    symbol = text[:2] in {"t ", "u ", "y "}
+    return f"{text[0] if symbol else text[0].upper()}{text[1:]}."

@@ -190,7 +190,7 @@ def test_output_cut_off_by_a_limit_is_left_out():
         (lambda t, u, y: (t, u[:-1], y), "100, 99 and 100 values"),
         (lambda t, u, y: (t, 0 * u + 3, y), "u is 3 in the whole record"),
         (lambda t, u, y: (t, u, 0 * y), "y is 0 in the whole record"),
-        (lambda t, u, y: (t**1.1, u, y), "not evenly sampled"),
+        (lambda t, u, y: (t**4.0, u, y), "not evenly sampled: .* most before sample 99; use a"),
         (
             lambda t, u, y: (np.delete(t, [50, 51]), u[2:], y[2:]),
             "2 of them in a row before sample 50",

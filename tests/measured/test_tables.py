@@ -5,7 +5,7 @@ from datetime import datetime, timedelta
 import numpy as np
 import pytest
 
-from nrdob.measured import checked_record, read_data
+from nrdob.measured import checked_record, identify, read_data
 from nrdob.measured.parsing import seconds_in
 
 STEP = 0.5
@@ -102,6 +102,14 @@ DRESSES = {
             plain(*e)[2], *plain(*e)[:2]), ";"), {},
     ),
     "headings in a comment": (lines("# t u y", plain, " "), {}),
+    "foreign headings in a comment": (
+        lines("# Tiempo (ms);PWM;giri", in_unit(1e-3), ";"), {"columns": {"u": "PWM"}},
+    ),
+    "one sample is late": (
+        lines("t,u,y", lambda k, t, u, y: (
+            f"{t + 0.3 * STEP * (k == 150):g}", f"{u}", f"{y + 0.3 * (Y[151] - y) * (k == 150)}",
+        )), {},
+    ),
     "index and more columns": (
         lines(",note,t,u,y", lambda k, *e: (f"{k}", "ok", *plain(k, *e))), {},
     ),
@@ -122,7 +130,7 @@ def test_a_record_is_read_right_in_whatever_dress(tmp_path, dress):
     record = read_data(path, **options)
     assert record.t - record.t[0] == pytest.approx(T, rel=2e-4, abs=0.05 * STEP)
     # A step that falls between two samples of the even grid is shared between them.
-    late = 0.05 if dress == "jitter" else 0.0
+    late = 0.05 if dress in ("jitter", "one sample is late") else 0.0
     assert record.u == pytest.approx(U, abs=1e-9 + late * 30)
     assert record.u.sum() == pytest.approx(U.sum(), rel=1e-3)
     assert record.y == pytest.approx(Y, abs=5e-3 + late)
@@ -184,9 +192,12 @@ REFUSED = {
         "u changes from 0 to 1 while 2 samples are missing before line 152",
     ),
     "irregular times": (
-        replaced(lambda k: f"{k**1.3:.6f},{k // 7 % 2},{k % 5}"),
-        "11 of its 59 steps are no multiple of 3.588 s, the usual one, the first before line 3; .*"
-        "the largest before line 61",
+        replaced(lambda k: f"{k**1.3},{k // 7 % 2},{k % 5}"),
+        "the times lie between 1 and 4.406 s apart.*, and y moves too fast",
+    ),
+    "irregular times with a gap": (
+        replaced(lambda k: f"{k**1.3 + 9 * (k > 40)},{k // 7 % 2},{k}"),
+        "the times lie between 1 and 12.95 s apart, most before line 43; use a stretch",
     ),
     "fast and with jitter": (
         replaced(lambda k: f"{k + 0.08 * (k % 3)},{k // 7 % 2},{(-1) ** (k // 2)}"),
@@ -368,6 +379,24 @@ def test_times_off_a_clock_that_shows_only_minutes_are_even_times():
     record = checked_record(60 * np.floor(t / 60), (t > t[60]) * 1.0, np.sqrt(t))
     assert record.t == pytest.approx(t, abs=60) and record.u.size == 200
     assert "given to 60 s only" in " ".join(record.remarks)
+
+
+@pytest.mark.parametrize("waits", ["uniform", "exponential"])
+def test_times_without_any_order_are_resampled(waits):
+    """A lag of 30 s logged whenever the logger came to it: its numbers are found all the same."""
+    rng = np.random.default_rng(4)
+    slow = rng.uniform(0.4, 1.6, 400) if waits == "uniform" else 1 + rng.exponential(0.6, 400)
+    t = np.cumsum(slow)
+    u = (t >= t[50]) * 1.0 - (t >= t[220]) * 1.0
+    y = sum(
+        sign * 2 * (1 - np.exp(-np.maximum(t - at - 5, 0) / 30))
+        for sign, at in ((1, t[50]), (-1, t[220]))
+    )
+    with pytest.warns(UserWarning, match=r"the times lie between .* s apart: resampled"):
+        found = identify(t, u, y + 0.01 * rng.standard_normal(400))
+    told = {name: p.value for name, p in found.parameters.items()}
+    assert told == pytest.approx({"gain": 2, "lag": 30, "dead time": 5}, rel=0.05)
+    assert found.record.y.size == 400 and found.record.free.all()
 
 
 @pytest.mark.parametrize("seed", range(5))
