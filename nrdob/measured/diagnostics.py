@@ -106,10 +106,14 @@ def _short(record: Record, parameters: dict[str, Parameter]) -> Iterator[str]:
                 f"{name} of {found.value:.3g} s; record at least three times as long as the lag"
             )
         elif found.standard_error > max(abs(found.value), 0.1 * duration):
-            yield (
-                f"the {name} is hardly known ({found.value:.3g} ± {found.standard_error:.2g} s): "
+            error = found.standard_error
+            about = f" ({found.value:.3g} ± {error:.2g} s)" * (error < duration)
+            remedy = (
                 "let the input move more often"
+                if found.value > record.sampling_time
+                else "sample faster"
             )
+            yield f"the {name} is hardly known{about}: {remedy}"
 
 
 def _outliers(record: Record, residual: FloatArray, start: int) -> Iterator[str]:

@@ -377,6 +377,14 @@ def test_what_a_pulse_of_the_input_does_is_no_spike():
     assert not [each for each in told(t, u, y) if "far from" in each]
 
 
+def test_a_lag_far_shorter_than_a_sample_asks_for_faster_ones():
+    t, rng = np.arange(300.0), np.random.default_rng(0)
+    u = (t > 100) * 1.0
+    y = np.append(0.0, u[:-1]) + 0.01 * rng.standard_normal(300)
+    # How far off it may be, longer than the record, is no number to print.
+    assert "the lag is hardly known: sample faster" in told(t, u, y)
+
+
 @pytest.mark.slow
 def test_an_outlier_upon_a_drift_is_told():
     t, u, y = lag(switched(200))
