@@ -11,7 +11,20 @@ from .parsing import UNITS, short
 __all__ = ["Choice", "checked_columns", "chosen", "known"]
 
 # First words of a heading of times; t and ts are others, if no column of these is there.
-TIME = ("time", "timestamp", "zeit", "elapsed", "seconds", "sec", "s", "date", "datetime")
+TIME = (
+    "time",
+    "timestamp",
+    "zeit",
+    "tempo",
+    "temps",
+    "tiempo",
+    "elapsed",
+    "seconds",
+    "sec",
+    "s",
+    "date",
+    "datetime",
+)
 
 BESIDE = (
     "time", "stamp", "in", "of", "since", "start", "elapsed", "utc", "local", "relative", "rel",

@@ -20,6 +20,8 @@ STUCK = 5  # samples in a row at one extreme value from which on an output may b
 # Last step before a limit, against the largest of the record, that no settling output makes.
 ABRUPT = 0.2
 COARSE = 3.0  # steps of a coarse sensor that the last one before a limit must exceed
+# Samples and share of the range in which an output rests at a stop, where its noise is far less.
+RESTS, CLOSE, QUIET = 15, 0.02, 0.25
 SPIKE = 8.0  # largest other steps of y that a single sample that is none is away
 PULSE = 4  # samples before it in which the input may explain it
 BEFORE = "give what the input was before (input_before=0; in the shell --input-before 0)"
@@ -120,6 +122,13 @@ def checked_record(
     moves = inputs if input_before is None else np.append(input_before, inputs)
     _check_moving(moves, outputs)
     free, noticed = _stuck(outputs, place)
+    if free.all() and (stop := _stopped(outputs)) is not None:
+        free[stop] = False
+        noticed.append(
+            f"y moves on steadily until {place(stop.start)}, and then rests at "
+            f"{outputs[stop].mean():.3g} without its noise: it looks stopped by a limit, and these "
+            f"{stop.stop - stop.start} samples are left out; measure again with a smaller input"
+        )
     if (spike := _spike(moves, outputs)) is not None:
         free[spike] = False
         noticed.append(
@@ -212,6 +221,29 @@ def _stuck(outputs: FloatArray, place: Callable[[int], str]) -> tuple[BoolArray,
                 "and these samples are left out; measure again with a smaller input"
             )
     return free, remarks
+
+
+def _stopped(outputs: FloatArray) -> slice | None:
+    """Find where the output, moving steadily, comes to a sudden rest at its largest or smallest.
+
+    No settling output does, whose steps become smaller; one that integrates keeps its noise.
+    """
+    noise = np.abs(np.diff(outputs, 2))
+    moves = outputs[STUCK:] - outputs[:-STUCK]
+    for extreme in (outputs.max(), outputs.min()):
+        near = np.abs(outputs - extreme) <= CLOSE * np.ptp(outputs)
+        edges = np.flatnonzero(np.diff(near, prepend=False, append=False))
+        for first, behind in zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True):
+            if behind - first < RESTS or first < 2 * STUCK:
+                continue
+            before, last = moves[first - 2 * STUCK], moves[first - STUCK]
+            steady = min(abs(before), abs(last)) > 0.5 * max(abs(before), abs(last))
+            fast = before * last > 0 and abs(last) > ABRUPT * np.abs(moves).max()
+            usual = float(np.median(noise[: first - STUCK]))
+            quiet = noise[first : behind - 2].mean() < QUIET * usual
+            if steady and fast and quiet and usual > COARSE * resolution(outputs):
+                return slice(first, behind)
+    return None
 
 
 def _spike(moves: FloatArray, outputs: FloatArray) -> int | None:

@@ -103,7 +103,7 @@ DRESSES = {
     ),
     "headings in a comment": (lines("# t u y", plain, " "), {}),
     "foreign headings in a comment": (
-        lines("# Tiempo (ms);PWM;giri", in_unit(1e-3), ";"), {"columns": {"u": "PWM"}},
+        lines("# dt (ms);PWM;giri", in_unit(1e-3), ";"), {"columns": {"u": "PWM"}},
     ),
     "one sample is late": (
         lines("t,u,y", lambda k, t, u, y: (
