@@ -183,7 +183,7 @@ def stability_chart(
     lines = _ms_levels(loops, axes, labels, regions, ms) if ms else {}
 
     def count_at(x: float, y: float) -> float:
-        return loops.count({axes[0].name: x, axes[1].name: y})
+        return loops.counts([{axes[0].name: x, axes[1].name: y}])[0]
 
     return StabilityChart(*axes, borders, regions, lines, labels, count_at)
 

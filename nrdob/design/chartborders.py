@@ -21,16 +21,15 @@ from math import ceil, inf, pi
 from typing import Any
 
 import numpy as np
+from scipy.ndimage import binary_dilation
 
 from ..diagram import FilterFamily, LowPassFilter, ObserverEquations, as_family, undelayed
 from ..numerics import (
     ComplexArray,
     FloatArray,
-    ManyTerms,
     QuasiPolynomial,
-    Term,
     count_rhp,
-    rhp_counts,
+    follow_together,
 )
 from .chartcurves import (
     BESIDE,
@@ -43,7 +42,6 @@ from .chartcurves import (
     level_set,
     parts,
     projected,
-    within,
 )
 from .mismatch import Mismatch
 from .mismatchgrid import Frequencies
@@ -52,7 +50,6 @@ __all__ = ["ChartLoops", "borders_of"]
 
 PER_DECADE, PER_TURN = 48, 24  # density of frequencies, and those to a turn of a fixed dead time
 MANY = 20_000  # so many frequencies are too many
-SLAB = 64  # loops whose roots are counted at once
 LAMBDAS = 160  # number of λ over an axis
 TURNS = 2 * PIXELS  # turns of the dead time, each with a curve, that a chart may have
 
@@ -89,34 +86,19 @@ class ChartLoops:
         """Characteristic function with given parameters."""
         return self.mismatch.p_B(**self.fixed | given)
 
-    def count(self, given: dict[str, float]) -> float:
-        """Count the roots in the right half plane; an error where there are roots on the axis."""
-        p = self.p_B(given)
-        found = count_rhp(p)
-        if found.count is None or p.zeros_at_origin:
-            raise ArithmeticError(
-                f"the loop is on the border of stability at {given}: {found.reason or 's = 0'}"
-            )
-        return found.count if found.count == inf else int(found.count)
-
     def counts(self, points: list[dict[str, float]]) -> list[float]:
-        """Count for many loops at once, and for those alone that are too close to call."""
-        every = [self.p_B(point) for point in points]
-        alike: dict[tuple[int, ...], list[int]] = {}
-        for k, p in enumerate(every):
-            if p.q.size > p.degree and not (p.divided or p.zeros_at_origin):
-                alike.setdefault((p.q.size, p.scale.size, len(p.delayed)), []).append(k)
-        found = np.full(len(points), -1)
-        for members in alike.values():
-            for first in range(0, len(members), SLAB):
-                few = [every[k] for k in members[first : first + SLAB]]
-                terms = [_columns(each) for each in zip(*(p.terms for p in few), strict=True)]
-                scale = np.array([p.scale for p in few]).T
-                found[members[first : first + SLAB]] = rhp_counts(terms, scale)
-        return [
-            self.count(point) if count < 0 else int(count)
-            for point, count in zip(points, found, strict=True)
-        ]
+        """Count roots in the right half plane; an error where there are roots on the axis."""
+        functions = [self.p_B(point) for point in points]
+        follow_together(functions)
+        counts = []
+        for p, point in zip(functions, points, strict=True):
+            found = count_rhp(p)
+            if found.count is None or p.zeros_at_origin:
+                raise ArithmeticError(
+                    f"the loop is on the border of stability at {point}: {found.reason or 's = 0'}"
+                )
+            counts.append(found.count)
+        return counts
 
     # Many of them on the axis.
 
@@ -163,14 +145,6 @@ class ChartLoops:
             least = np.nanmin(ahead / (1.1 * most * behind + waits), axis=1)
         possible = np.flatnonzero(least <= 1.0)
         return float(omega[min(possible[-1] + 1, omega.size - 1)]) if possible.size else 0.0
-
-
-def _columns(terms: tuple[Term, ...]) -> ManyTerms:
-    """Put terms beside each other, each a column."""
-    q = np.zeros((max(term.q.size for term in terms), len(terms)))
-    for k, term in enumerate(terms):
-        q[q.shape[0] - term.q.size :, k] = term.q
-    return ManyTerms(q, np.array([term.delay for term in terms]))
 
 
 def _family(filter: Any) -> FilterFamily:
@@ -227,7 +201,7 @@ def _with_delay(loops: ChartLoops, axes: tuple[Axis, Axis]) -> Iterator[Curve]:
     _, values, W = curve(np.log(omega)[None])
     with np.errstate(invalid="ignore"):
         seen = np.isfinite(W) & (values <= first.high) & (values >= first.low)
-    for part in parts(within(seen) & np.isfinite(W)):
+    for part in parts(binary_dilation(seen) & np.isfinite(W)):
         yield from _turns(axes, np.log(omega[part])[None], curve)
 
 

@@ -101,17 +101,26 @@ def rhp_counts(terms: Sequence[ManyTerms], scale: FloatArray) -> IntArray:
     return counts
 
 
-def argument_changes(polynomials: Sequence[tuple[FloatArray, FloatArray]]) -> FloatArray:
-    """Follow the arguments of several polynomials from ω = 0 to infinity at once.
+def argument_changes(sums: Sequence[tuple[Sequence[Term], FloatArray]]) -> FloatArray:
+    """Follow the arguments of sums of as many terms each from ω = 0 to infinity at once.
 
-    Of each are given its coefficients and their `scale`, both in descending powers. A change is nan
-    where it has to be followed alone: with a root on the axis within rounding, say.
+    Of each are given its terms and their `scale`, as for `argument_change`. A change is nan where
+    it has to be followed alone: with a root on the axis within rounding, say.
     """
-    together = np.zeros((2, max(q.size for q, _ in polynomials), len(polynomials)))
-    for k, given in enumerate(polynomials):
-        together[:, -given[0].size :, k] = given
-    q, scale = together
-    return _changes([ManyTerms(q, np.zeros(1))], scale)
+    each, scales = zip(*sums, strict=True)
+    terms = [
+        ManyTerms(_beside([q for q, _ in some]), np.array([T for _, T in some]))
+        for some in zip(*each, strict=True)
+    ]
+    return _changes(terms, _beside(scales))
+
+
+def _beside(polynomials: Sequence[FloatArray]) -> FloatArray:
+    """Put polynomials beside each other, each a column."""
+    columns = np.zeros((max(p.size for p in polynomials), len(polynomials)))
+    for k, p in enumerate(polynomials):
+        columns[-p.size :, k] = p
+    return columns
 
 
 def _changes(terms: Sequence[ManyTerms], scale: FloatArray) -> FloatArray:
@@ -143,18 +152,20 @@ def frequency_range(
     """
     sums = Sums(terms, scale, moderate=True)
     top, lead = len(scale) - 1 - sums.degree, np.abs(sums.lead)
+    columns = np.arange(top.size)
     rising = np.zeros((len(scale) + 1, scale.shape[1]))  # ascending
     rising[:-1] = scale[::-1]
     for q, delay in terms[1:]:  # |exp(-jωT) - 1| <= ωT
-        rising[1 : len(q) + 1] += np.abs(q[::-1]) * delay
-        if len(q) == len(scale):
-            lead = lead - np.abs(q[0])
+        size = np.zeros_like(scale)
+        size[-len(q) :] = np.abs(q)
+        rising[1:] += size[::-1] * delay
+        lead = lead - size[top, columns]
     constant = np.abs(sums.constant)
     with np.errstate(all="ignore"):
         low = 1 / _dominance_radius(rising / constant, np.zeros(1, dtype=int))
         high = _dominance_radius(scale / lead, top)
     low = np.where(constant > ROUNDING * scale[-1], low, 0.0)
-    leads = lead > ROUNDING * scale[top, np.arange(top.size)]
+    leads = lead > ROUNDING * scale[top, columns]
     certain = (low > 0) & leads & np.isfinite(scale).all(axis=0)
     return low, high, certain
 
