@@ -127,7 +127,7 @@ def _newton(q: FloatArray, delayed: Delayed, s: ComplexArray) -> ComplexArray:
     s = np.where(s.imag < 0, s.conj(), s)
     s = np.where(np.abs(s.imag) <= 1e-9 * np.abs(s), s.real, s)
     s = s[np.lexsort((s.real, s.imag))]
-    s = s[np.append(True, np.abs(np.diff(s)) > 1e-7 * (np.abs(s[1:]) + 1 / longest))]
+    s = s[np.abs(np.diff(s, prepend=np.inf)) > 1e-7 * (np.abs(s) + 1 / longest)]
     s = np.concatenate([s, s[s.imag > 0].conj()])
     return np.asarray(s[np.lexsort((-s.imag, -s.real))])
 
