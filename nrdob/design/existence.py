@@ -101,9 +101,8 @@ def right_half_plane_parity(process: Any, model: Any) -> Answer:
         return Answer(True, INTEGRATOR)
     _, D, Nm, _ = mismatch.factors
     P = roots_by_side(D, Nm)[0].size
-    even = bool(mismatch.b[-1] * mismatch.a[0] > 0)
     poles = f"{P or 'no'} unstable pole{'' if P == 1 else 's'} of G/model"
-    if even:
+    if mismatch.b[-1] * mismatch.a[0] > 0:
         return Answer(True, f"{poles}, and DC signs that fit")
     wanted = "opposite" if P % 2 else "same"
     return Answer(False, f"{poles}: the model must have the {wanted} DC sign")

@@ -347,11 +347,9 @@ def _without_shared(table: FloatArray, block: FloatArray) -> tuple[FloatArray, F
     common = model
     for share in GENERIC:
         one = QuasiPolynomial(np.polyval(table.T, share * typical))
-        if not (common.degree and one.degree):
-            return table, block
         common = shared_factor(common, one).common
-    if not common.degree:
-        return table, block
+        if not common.degree:
+            return table, block
     divided = [_divided(column, common.q) for column in table.T]
     longest = max(column.size for column in divided)
     columns = [np.pad(column, (longest - column.size, 0)) for column in divided]

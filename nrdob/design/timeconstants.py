@@ -33,11 +33,7 @@ SAME = 1e-9  # relative distance below which two critical time constants are one
 
 
 def critical_time_constants(
-    process: Any,
-    model: Any,
-    order: int | FilterFamily,
-    *,
-    floor: float | None = None,
+    process: Any, model: Any, order: int | FilterFamily, *, floor: float | None = None
 ) -> list[CriticalTimeConstant]:
     r"""Find every time constant λ at which the observer loop has a root on the imaginary axis.
 

@@ -93,12 +93,9 @@ def rhp_counts(terms: Sequence[ManyTerms], scale: FloatArray) -> IntArray:
     >>> rhp_counts([ManyTerms(q, np.zeros(1))], np.abs(q)).tolist()
     [2, 0]
     """
-    counts = np.full(scale.shape[1], -1)
     roots = (len(scale) - 1) / 2 - _changes(terms, scale) / pi
     whole = np.round(roots)
-    settled = np.abs(roots - whole) < 0.1
-    counts[settled] = whole[settled]
-    return counts
+    return np.where(np.abs(roots - whole) < 0.1, whole, -1).astype(int)
 
 
 def argument_changes(sums: Sequence[tuple[Sequence[Term], FloatArray]]) -> FloatArray:

@@ -23,7 +23,7 @@ def convolved(a: FloatArray, b: FloatArray) -> FloatArray:
     Parameters
     ----------
     a, b : (k, ...) and (l, ...) array of float
-        Of shapes that broadcast.
+        Of as many axes, and shapes that broadcast.
 
     Examples
     --------
@@ -34,8 +34,7 @@ def convolved(a: FloatArray, b: FloatArray) -> FloatArray:
     shape = np.broadcast_shapes(a.shape[1:], b.shape[1:])
     product = np.zeros((a.shape[0] + b.shape[0] - 1, *shape))
     for i, x in enumerate(a):
-        for k, y in enumerate(b):
-            product[i + k] += x * y
+        product[i : i + len(b)] += x * b
     return product
 
 
