@@ -214,12 +214,11 @@ class Mismatch:
         (N, D, Nm, Dm), sizes = map(np.abs, self._values(omega)), self._sizes(omega)
         off_a = sizes[1] * Nm + D * sizes[2]
         off_b = sizes[0] * Dm + N * sizes[3] + N * Dm * self.delay * omega / 8
-        if self.wait:
-            zeros = np.abs(values_on_axis(self.zeros, omega))
-            off_b = off_b + D * zeros * self.wait * omega / 8
         off_b = off_b / omega**self.divided
         if self.wait:
+            zeros = np.abs(values_on_axis(self.zeros, omega))
             off_zeros = sizes[1] * zeros + D * np.polyval(np.abs(self.zeros), omega)
+            off_b = off_b + D * zeros * self.wait * omega / 8 / omega**self.divided
             off_b = off_b + np.abs(self._lag(1j * omega)) * off_zeros
         E, Nf = (_rows(np.abs(table), omega) for table in (self._ahead, self.Nf))
         return np.asarray(ERROR * (off_a * E + off_b * Nf))
