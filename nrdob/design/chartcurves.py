@@ -213,7 +213,7 @@ def _long_steps(axes: tuple[Axis, Axis], first: FloatArray, second: FloatArray) 
 
 def parts(good: BoolArray) -> Iterator[slice]:
     """Give the stretches over which something is true."""
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], good, [False]]).astype(int)))
+    edges = np.flatnonzero(np.diff(good, prepend=False, append=False))
     yield from (slice(first, last) for first, last in zip(edges[::2], edges[1::2], strict=True))
 
 

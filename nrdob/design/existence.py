@@ -33,8 +33,6 @@ __all__ = [
     "vanishes",
 ]
 
-NONE = np.empty(0, dtype=complex)
-
 ROOT_AT_ORIGIN = (
     "p_B(0) = 0 for every filter 1/(λs + 1)^n: the process has a zero at s = 0, or the model more "
     "than one integrator, as the process has, which takes a filter with 1 - F ~ s^2 or more"
@@ -223,7 +221,7 @@ class _Common(NamedTuple):
         cancels, rest, again = once.common.q, once.v, once.common
         while again.degree and (more := shared_factor(rest, again)).common.degree:
             cancels, rest, again = np.convolve(cancels, more.common.q), more.u, more.common
-        right, axis = roots_by_side(once.common.q) if once.common.degree else (NONE, NONE)
+        right, axis = roots_by_side(once.common.q)
         roots = np.append(right, axis[axis != 0])
         return cls(roots, once.u.q, once.v.q, cancels, rest.without_origin.q)
 
@@ -286,7 +284,7 @@ def _sign(x: float, *factors: FloatArray) -> float:
 def _real_zeros(b: FloatArray, a: FloatArray) -> ComplexArray:
     """Real zeros of b - a in the right half plane; a possible pair keeps its imaginary part."""
     difference = QuasiPolynomial(add(b, -a), scale=add(np.abs(a), np.abs(b)))
-    zeros = difference.roots if difference.degree else NONE
+    zeros = difference.roots
     zeros = zeros[(zeros.real > 0) & (zeros.imag >= 0)]
     rounding = ROUNDING * np.polyval(difference.scale, zeros.real)
     real = (zeros.imag == 0) | (np.abs(difference(zeros.real + 0j)) <= rounding)
@@ -295,14 +293,11 @@ def _real_zeros(b: FloatArray, a: FloatArray) -> ComplexArray:
 
 def roots_by_side(*polynomials: FloatArray) -> tuple[ComplexArray, ComplexArray]:
     """Sort the roots of polynomials: in the right half plane, rightmost first, and on the axis."""
-    right, axis = [NONE], [NONE]
-    for coefficients in polynomials:
-        p = QuasiPolynomial(coefficients)
-        on_axis = p.near_axis(p.roots)
-        axis.append(1j * p.roots.imag[on_axis])
-        right.append(p.roots[~on_axis & (p.roots.real > 0)])
-    found = np.concatenate(right)
-    return found[np.argsort(-found.real, kind="stable")], np.concatenate(axis)
+    functions = [QuasiPolynomial(p) for p in polynomials]
+    roots = np.concatenate([p.roots for p in functions])
+    on_axis = np.concatenate([p.near_axis(p.roots) for p in functions])
+    right = roots[~on_axis & (roots.real > 0)]
+    return right[np.argsort(-right.real, kind="stable")], 1j * roots.imag[on_axis]
 
 
 def vanishes(p: FloatArray, s: complex) -> bool:

@@ -132,8 +132,7 @@ class Mismatch:
     @cached_property
     def roots(self) -> ComplexArray:
         """Poles and zeros of R, before any cancellation, without those at s = 0."""
-        found = [QuasiPolynomial(p).without_origin.roots for p in self.factors]
-        return np.concatenate([*found, np.empty(0, dtype=complex)])
+        return np.concatenate([QuasiPolynomial(p).without_origin.roots for p in self.factors])
 
     @cached_property
     def excess(self) -> int:

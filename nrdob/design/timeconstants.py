@@ -137,7 +137,7 @@ def stabilizing_time_constants(
         )
     frequencies = Frequencies(Mismatch.of(process, model, order))
     found = stabilizing_set(frequencies, _checked_floor(frequencies, floor))
-    return intersection(found, stable_filters(frequencies.mismatch.family)) if found else found
+    return intersection(found, stable_filters(frequencies.mismatch.family))
 
 
 def stabilizing_set(frequencies: Frequencies, floor: float) -> list[tuple[float, float]]:

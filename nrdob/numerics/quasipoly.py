@@ -290,8 +290,7 @@ class QuasiPolynomial:
         found = self._eigenvalues
         if found is None:
             found = self.without_origin._rightmost
-        if self.zeros_at_origin:
-            found = np.concatenate([found, np.zeros(self.zeros_at_origin)])
+        found = np.concatenate([found, np.zeros(self.zeros_at_origin)])
         return found[np.lexsort((-found.imag, -found.real))]
 
     @property
