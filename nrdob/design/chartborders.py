@@ -24,13 +24,7 @@ import numpy as np
 from scipy.ndimage import binary_dilation
 
 from ..diagram import FilterFamily, LowPassFilter, ObserverEquations, as_family, undelayed
-from ..numerics import (
-    ComplexArray,
-    FloatArray,
-    QuasiPolynomial,
-    count_rhp,
-    follow_together,
-)
+from ..numerics import ComplexArray, FloatArray, count_rhp, follow_together
 from .chartcurves import (
     BESIDE,
     PIXELS,
@@ -80,15 +74,9 @@ class ChartLoops:
         family = FilterFamily("own", F.num[:, None], F.den[:, None])
         return cls(Mismatch.in_loop(loop, family), fixed | {"time_constant": 1.0})
 
-    # One loop.
-
-    def p_B(self, given: dict[str, float]) -> QuasiPolynomial:
-        """Characteristic function with given parameters."""
-        return self.mismatch.p_B(**self.fixed | given)
-
     def counts(self, points: list[dict[str, float]]) -> list[float]:
         """Count roots in the right half plane; an error where there are roots on the axis."""
-        functions = [self.p_B(point) for point in points]
+        functions = [self.mismatch.p_B(**self.fixed | point) for point in points]
         follow_together(functions)
         counts = []
         for p, point in zip(functions, points, strict=True):
@@ -100,16 +88,12 @@ class ChartLoops:
             counts.append(found.count)
         return counts
 
-    # Many of them on the axis.
-
     def ratio(self, omega: FloatArray, lam: Any = 1.0) -> ComplexArray:
         """W = -A/B, times exp(jωθ) where θ is on no axis."""
         ahead, behind, waits = self.mismatch.terms(omega, np.asarray(lam))
         with np.errstate(all="ignore"):
             turned = np.exp(1j * omega * self.fixed["delay"])
             return np.asarray(-(ahead + waits) / behind * turned)
-
-    # The frequencies.
 
     def frequencies(self, axes: tuple[Axis, Axis]) -> FloatArray:
         """Frequencies over all that there is to see, fine enough for dead times that are fixed."""
@@ -268,7 +252,10 @@ def _with_lambda(loops: ChartLoops, axes: tuple[Axis, Axis]) -> Iterator[Curve]:
         with np.errstate(all="ignore"):
             return place, lam, other(loops.ratio(omega, lam), omega)
 
-    for line in level_set(vanishing, np.log(loops.frequencies(axes)), _lambdas(axes[0])):
+    low, high = axes[0].positive
+    lambdas = axes[0].value(np.linspace(0, 1, LAMBDAS))
+    lambdas = np.concatenate([[low], lambdas[lambdas > low], [high]])
+    for line in level_set(vanishing, np.log(loops.frequencies(axes)), np.log(lambdas)):
         if second == "delay":
             yield from _turns(axes, line, at)
             continue
@@ -286,13 +273,6 @@ CROSSING: dict[tuple[str, str], Callable[..., Iterator[Curve]]] = {
     ("lag", "delay"): _with_delay,
 }
 """What gives the curves, by the two axes in the order in which they are read."""
-
-
-def _lambdas(axis: Axis) -> FloatArray:
-    """Give ln λ all over an axis."""
-    lambdas = axis.value(np.linspace(0, 1, LAMBDAS))
-    low, high = axis.positive
-    return np.asarray(np.log(np.concatenate([[low], lambdas[lambdas > low], [high]])))
 
 
 def _ends(loops: ChartLoops, axes: tuple[Axis, Axis]) -> Iterator[Curve]:

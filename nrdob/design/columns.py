@@ -166,7 +166,7 @@ def size_squared(columns: ComplexArray) -> FloatArray:
 
 def positive_roots(p: FloatArray) -> FloatArray:
     """Real positive roots of a polynomial, descending coefficients, increasing."""
-    p = np.trim_zeros(np.trim_zeros(p, "f"), "b")
+    p = np.trim_zeros(p)
     if not ((p > 0).any() and (p < 0).any()):
         return np.empty(0)
     roots = companion_roots(p)

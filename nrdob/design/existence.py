@@ -30,7 +30,6 @@ __all__ = [
     "right_half_plane_parity",
     "roots_by_side",
     "stabilizing_filter_exists",
-    "vanishes",
 ]
 
 ROOT_AT_ORIGIN = (
@@ -168,7 +167,7 @@ def stabilizing_filter_exists(process: Any, model: Any) -> Answer:
     a, b = mismatch.a, mismatch.b
     N, D, Nm, Dm = mismatch.factors
     unstable = np.concatenate(roots_by_side(D, Nm))
-    shared = [root for root in unstable if any(vanishes(p, root) for p in (N, Dm))]
+    shared = [root for root in unstable if any(_vanishes(p, root) for p in (N, Dm))]
     integrators = Dm[-1] == 0 and not mismatch.divided  # beside the one that both have
     if N[-1] and (shared or integrators):
         return _made_for_common_roots(mismatch, [*shared, *([0j] if integrators else [])])
@@ -300,6 +299,6 @@ def roots_by_side(*polynomials: FloatArray) -> tuple[ComplexArray, ComplexArray]
     return right[np.argsort(-right.real, kind="stable")], 1j * roots.imag[on_axis]
 
 
-def vanishes(p: FloatArray, s: complex) -> bool:
+def _vanishes(p: FloatArray, s: complex) -> bool:
     """Tell whether a polynomial is 0 at a point within rounding."""
     return bool(abs(np.polyval(p, s)) <= 1e-9 * np.polyval(np.abs(p), abs(s)))

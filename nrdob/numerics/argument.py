@@ -250,7 +250,9 @@ def _legs(terms: Sequence[Term], scale: FloatArray, origin: int) -> tuple[int, l
     low, high = _range_of_one(terms, scale)
     if low:
         return 0, [_Leg(terms, scale, low, high)], 1.0
-    if (unit := _unit(terms)) != 1:
+    longest, unit = max(T for _, T in terms), 1.0
+    if longest and not 1 / FAR < longest < FAR:  # so that the powers of a dead time do not overflow
+        unit = 2.0 ** round(log2(longest))
         terms, scale = _in_unit(terms, scale, unit)
         _, high = _range_of_one(terms, scale)
     count = origin + scale.size + SERIES
@@ -366,12 +368,6 @@ def _half_circles(sums: Sums, vanishing: list[Stretches]) -> list[tuple[float, f
                 centre, radius = (a + centre + radius) / 2, (centre + radius - a) / 2
         passed.append((centre - radius, centre + radius, angle))
     return passed
-
-
-def _unit(terms: Sequence[Term]) -> float:
-    """Give a unit of time, a power of 2, in which the powers of a dead time do not overflow."""
-    longest = max((T for _, T in terms), default=0.0)
-    return 1.0 if not longest or 1 / FAR < longest < FAR else 2.0 ** round(log2(longest))
 
 
 def _in_unit(
