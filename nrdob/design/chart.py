@@ -183,7 +183,7 @@ def stability_chart(
     lines = _ms_levels(loops, axes, labels, regions, ms) if ms else {}
 
     def count_at(x: float, y: float) -> float:
-        return loops.count({axes[0].name: x, axes[1].name: y})
+        return loops.counts([{axes[0].name: x, axes[1].name: y}])[0]
 
     return StabilityChart(*axes, borders, regions, lines, labels, count_at)
 
@@ -195,12 +195,9 @@ def _labelled(axes: tuple[Axis, Axis], borders: tuple[Border, ...]) -> IntArray:
         u, v = axes[0].share(border.x) * PIXELS, axes[1].share(border.y) * PIXELS
         steps = np.maximum(np.abs(np.diff(u)), np.abs(np.diff(v)))
         count = np.minimum(np.ceil(3 * steps).astype(int), 40 * PIXELS) + 1
-        begin = np.repeat(np.arange(count.size), count)
-        share = (np.arange(begin.size) - np.repeat(np.cumsum(count) - count, count)) / count[begin]
-        columns, rows = (
-            np.floor(values[begin] + share * (values[begin + 1] - values[begin])).astype(int)
-            for values in (u, v)
-        )
+        ends = np.append(0, np.cumsum(count))
+        along = np.arange(ends[-1])
+        columns, rows = (np.floor(np.interp(along, ends, w)).astype(int) for w in (u, v))
         inside = (columns >= 0) & (columns < PIXELS) & (rows >= 0) & (rows < PIXELS)
         drawn[rows[inside], columns[inside]] = True
     found: IntArray = label(~drawn)[0]

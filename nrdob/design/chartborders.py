@@ -21,17 +21,10 @@ from math import ceil, inf, pi
 from typing import Any
 
 import numpy as np
+from scipy.ndimage import binary_dilation
 
 from ..diagram import FilterFamily, LowPassFilter, ObserverEquations, as_family, undelayed
-from ..numerics import (
-    ComplexArray,
-    FloatArray,
-    ManyTerms,
-    QuasiPolynomial,
-    Term,
-    count_rhp,
-    rhp_counts,
-)
+from ..numerics import ComplexArray, FloatArray, count_rhp, follow_together
 from .chartcurves import (
     BESIDE,
     PIXELS,
@@ -43,7 +36,6 @@ from .chartcurves import (
     level_set,
     parts,
     projected,
-    within,
 )
 from .mismatch import Mismatch
 from .mismatchgrid import Frequencies
@@ -52,7 +44,6 @@ __all__ = ["ChartLoops", "borders_of"]
 
 PER_DECADE, PER_TURN = 48, 24  # density of frequencies, and those to a turn of a fixed dead time
 MANY = 20_000  # so many frequencies are too many
-SLAB = 64  # loops whose roots are counted at once
 LAMBDAS = 160  # number of λ over an axis
 TURNS = 2 * PIXELS  # turns of the dead time, each with a curve, that a chart may have
 
@@ -83,42 +74,19 @@ class ChartLoops:
         family = FilterFamily("own", F.num[:, None], F.den[:, None])
         return cls(Mismatch.in_loop(loop, family), fixed | {"time_constant": 1.0})
 
-    # One loop.
-
-    def p_B(self, given: dict[str, float]) -> QuasiPolynomial:
-        """Characteristic function with given parameters."""
-        return self.mismatch.p_B(**self.fixed | given)
-
-    def count(self, given: dict[str, float]) -> float:
-        """Count the roots in the right half plane; an error where there are roots on the axis."""
-        p = self.p_B(given)
-        found = count_rhp(p)
-        if found.count is None or p.zeros_at_origin:
-            raise ArithmeticError(
-                f"the loop is on the border of stability at {given}: {found.reason or 's = 0'}"
-            )
-        return found.count if found.count == inf else int(found.count)
-
     def counts(self, points: list[dict[str, float]]) -> list[float]:
-        """Count for many loops at once, and for those alone that are too close to call."""
-        every = [self.p_B(point) for point in points]
-        alike: dict[tuple[int, ...], list[int]] = {}
-        for k, p in enumerate(every):
-            if p.q.size > p.degree and not (p.divided or p.zeros_at_origin):
-                alike.setdefault((p.q.size, p.scale.size, len(p.delayed)), []).append(k)
-        found = np.full(len(points), -1)
-        for members in alike.values():
-            for first in range(0, len(members), SLAB):
-                few = [every[k] for k in members[first : first + SLAB]]
-                terms = [_columns(each) for each in zip(*(p.terms for p in few), strict=True)]
-                scale = np.array([p.scale for p in few]).T
-                found[members[first : first + SLAB]] = rhp_counts(terms, scale)
-        return [
-            self.count(point) if count < 0 else int(count)
-            for point, count in zip(points, found, strict=True)
-        ]
-
-    # Many of them on the axis.
+        """Count roots in the right half plane; an error where there are roots on the axis."""
+        functions = [self.mismatch.p_B(**self.fixed | point) for point in points]
+        follow_together(functions)
+        counts = []
+        for p, point in zip(functions, points, strict=True):
+            found = count_rhp(p)
+            if found.count is None or p.zeros_at_origin:
+                raise ArithmeticError(
+                    f"the loop is on the border of stability at {point}: {found.reason or 's = 0'}"
+                )
+            counts.append(found.count)
+        return counts
 
     def ratio(self, omega: FloatArray, lam: Any = 1.0) -> ComplexArray:
         """W = -A/B, times exp(jωθ) where θ is on no axis."""
@@ -126,8 +94,6 @@ class ChartLoops:
         with np.errstate(all="ignore"):
             turned = np.exp(1j * omega * self.fixed["delay"])
             return np.asarray(-(ahead + waits) / behind * turned)
-
-    # The frequencies.
 
     def frequencies(self, axes: tuple[Axis, Axis]) -> FloatArray:
         """Frequencies over all that there is to see, fine enough for dead times that are fixed."""
@@ -163,14 +129,6 @@ class ChartLoops:
             least = np.nanmin(ahead / (1.1 * most * behind + waits), axis=1)
         possible = np.flatnonzero(least <= 1.0)
         return float(omega[min(possible[-1] + 1, omega.size - 1)]) if possible.size else 0.0
-
-
-def _columns(terms: tuple[Term, ...]) -> ManyTerms:
-    """Put terms beside each other, each a column."""
-    q = np.zeros((max(term.q.size for term in terms), len(terms)))
-    for k, term in enumerate(terms):
-        q[q.shape[0] - term.q.size :, k] = term.q
-    return ManyTerms(q, np.array([term.delay for term in terms]))
 
 
 def _family(filter: Any) -> FilterFamily:
@@ -227,7 +185,7 @@ def _with_delay(loops: ChartLoops, axes: tuple[Axis, Axis]) -> Iterator[Curve]:
     _, values, W = curve(np.log(omega)[None])
     with np.errstate(invalid="ignore"):
         seen = np.isfinite(W) & (values <= first.high) & (values >= first.low)
-    for part in parts(within(seen) & np.isfinite(W)):
+    for part in parts(binary_dilation(seen) & np.isfinite(W)):
         yield from _turns(axes, np.log(omega[part])[None], curve)
 
 
@@ -294,7 +252,10 @@ def _with_lambda(loops: ChartLoops, axes: tuple[Axis, Axis]) -> Iterator[Curve]:
         with np.errstate(all="ignore"):
             return place, lam, other(loops.ratio(omega, lam), omega)
 
-    for line in level_set(vanishing, np.log(loops.frequencies(axes)), _lambdas(axes[0])):
+    low, high = axes[0].positive
+    lambdas = axes[0].value(np.linspace(0, 1, LAMBDAS))
+    lambdas = np.concatenate([[low], lambdas[lambdas > low], [high]])
+    for line in level_set(vanishing, np.log(loops.frequencies(axes)), np.log(lambdas)):
         if second == "delay":
             yield from _turns(axes, line, at)
             continue
@@ -312,13 +273,6 @@ CROSSING: dict[tuple[str, str], Callable[..., Iterator[Curve]]] = {
     ("lag", "delay"): _with_delay,
 }
 """What gives the curves, by the two axes in the order in which they are read."""
-
-
-def _lambdas(axis: Axis) -> FloatArray:
-    """Give ln λ all over an axis."""
-    lambdas = axis.value(np.linspace(0, 1, LAMBDAS))
-    low, high = axis.positive
-    return np.asarray(np.log(np.concatenate([[low], lambdas[lambdas > low], [high]])))
 
 
 def _ends(loops: ChartLoops, axes: tuple[Axis, Axis]) -> Iterator[Curve]:

@@ -14,6 +14,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from contourpy import contour_generator
+from scipy.ndimage import binary_dilation
 
 from ..diagram import real_number
 from ..numerics import BoolArray, FloatArray, IntArray, bisect
@@ -31,7 +32,6 @@ __all__ = [
     "level_set",
     "parts",
     "projected",
-    "within",
 ]
 
 AXES = {
@@ -213,16 +213,8 @@ def _long_steps(axes: tuple[Axis, Axis], first: FloatArray, second: FloatArray) 
 
 def parts(good: BoolArray) -> Iterator[slice]:
     """Give the stretches over which something is true."""
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], good, [False]]).astype(int)))
+    edges = np.flatnonzero(np.diff(good, prepend=False, append=False))
     yield from (slice(first, last) for first, last in zip(edges[::2], edges[1::2], strict=True))
-
-
-def within(seen: BoolArray) -> BoolArray:
-    """Tell what is seen, and the points beside."""
-    near = seen.copy()
-    near[1:] |= seen[:-1]
-    near[:-1] |= seen[1:]
-    return near
 
 
 def cut(x: Axis, y: Axis, border: Border) -> Iterator[Border]:
@@ -233,7 +225,7 @@ def cut(x: Axis, y: Axis, border: Border) -> Iterator[Border]:
         seen = good & (np.maximum(np.abs(u - 0.5), np.abs(v - 0.5)) < 0.5 + BESIDE)
         whole = np.append(np.hypot(np.diff(u), np.diff(v)) < TORN / PIXELS, True)
     straight = np.all(border.omega == border.omega[0]) and border.omega[0] in (0.0, np.inf)
-    for part in parts(within(seen) & good):
+    for part in parts(binary_dilation(seen) & good):
         ends = part.start + 1 + np.flatnonzero(~whole[part]) if not straight else []
         for first, last in pairwise([part.start, *ends, part.stop]):
             if last - first > 1:

@@ -116,7 +116,7 @@ def noise_index(order: int) -> float:
     >>> [noise_index(n) for n in (1, 2, 3)]
     [0.5, 0.25, 0.1875]
     """
-    _check(1.0, "", order)
+    LowPassFilter(1.0, order)  # the same refusals
     return float(comb(2 * order - 2, order - 1) / 2 ** (2 * order - 1))
 
 
@@ -137,7 +137,7 @@ def disturbance_index(order: int) -> float:
     >>> [disturbance_index(n) for n in (1, 2, 3)]
     [0.5, 1.25, 2.0625]
     """
-    _check(1.0, "", order)
+    LowPassFilter(1.0, order)  # the same refusals
     sizes = range(order)
     return float(sum(comb(i + j, i) / 2 ** (i + j + 1) for i in sizes for j in sizes))
 
@@ -158,7 +158,7 @@ def sensitivity_floor(order: int) -> float:
     >>> [round(sensitivity_floor(n), 6) for n in (1, 2, 3)]
     [1.0, 1.154701, 1.285714]
     """
-    _check(1.0, "", order)
+    LowPassFilter(1.0, order)  # the same refusals
     if order == 1:
         return 1.0  # approached at infinite frequency
     ends = pi / (2 * order + 2), pi / (order + 1)
@@ -167,9 +167,9 @@ def sensitivity_floor(order: int) -> float:
     return sqrt(1 - 2 * power * cos(order * phi) + power**2)
 
 
-def _check(value: float, name: str, order: int, largest: int | None = None) -> None:
+def _check(value: float, name: str, order: int, largest: int) -> None:
     LowPassFilter(1.0, order)  # the same refusals
-    if largest and order > largest:  # beyond it another branch may decide
+    if order > largest:  # beyond it another branch may decide
         raise NotImplementedError(
             f"order is {order}; the closed form is for orders up to {largest}: use "
             "stabilizing_time_constants"

@@ -7,7 +7,7 @@ from typing import Any, TypeVar
 import numpy as np
 from scipy.linalg import pascal
 
-from ..numerics import BoolArray, ComplexArray, FloatArray, companion_roots
+from ..numerics import BoolArray, ComplexArray, FloatArray, companion_roots, convolved
 
 __all__ = [
     "last_root",
@@ -161,16 +161,12 @@ def root_near(coefficients: ComplexArray, guess: ComplexArray) -> ComplexArray:
 
 def size_squared(columns: ComplexArray) -> FloatArray:
     """Coefficients of the square of a polynomial's size at a real λ."""
-    n = columns.shape[0]
-    total = np.zeros((2 * n - 1, columns.shape[1]))
-    for k in range(n):
-        total[k : k + n] += (columns[k] * columns.conj()).real
-    return total
+    return convolved(columns.real, columns.real) + convolved(columns.imag, columns.imag)
 
 
 def positive_roots(p: FloatArray) -> FloatArray:
     """Real positive roots of a polynomial, descending coefficients, increasing."""
-    p = np.trim_zeros(np.trim_zeros(p, "f"), "b")
+    p = np.trim_zeros(p)
     if not ((p > 0).any() and (p < 0).any()):
         return np.empty(0)
     roots = companion_roots(p)

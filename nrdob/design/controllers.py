@@ -43,8 +43,21 @@ class _Design:
     """A controller tried, and what became of the model loop."""
 
     controller: ct.TransferFunction
-    integral_gain: float
     found: Margins
+
+    @classmethod
+    def of(cls, model: Fraction, controller: ct.TransferFunction) -> _Design:
+        """Judge the loop C·G̃."""
+        filter = LowPassFilter(1.0, max(1, model.relative_degree))
+        loop = LoopEquations(model, model, controller, filter)
+        verdict = judge("C Gm", loop.CGm.den, loop.p_A, loop.ill_posed_model_loop)
+        return cls(controller, quotient_margins(loop.CGm, verdict.stable))
+
+    @property
+    def integral_gain(self) -> float:
+        """Limit of ``|s C|`` at s = 0."""
+        num, den = self.controller.num[0][0], self.controller.den[0][0]
+        return float(abs(num[-1] / den[-2]))
 
     def keeps(self, phase_margin: float, max_ms: float = inf) -> bool:
         """Tell whether the loop is stable with these margins."""
@@ -150,15 +163,10 @@ def design_controller(
 
 def _calmed(model: Fraction, design: _Design, phase_margin: float, max_ms: float) -> _Design:
     """Lower the gain until the sensitivity peaks at `max_ms` at most."""
-
-    def lowered(factor: float) -> _Design:
-        controller = factor * design.controller
-        return _Design(controller, factor * design.integral_gain, _judged(model, controller))
-
     if design.found.ms <= max_ms:
         return design
     high, low = 1.0, LOWERED
-    while not (best := lowered(low)).keeps(phase_margin, max_ms):
+    while not (best := _Design.of(model, low * design.controller)).keeps(phase_margin, max_ms):
         if low < LOWEST:
             raise ValueError(
                 f"no lower gain brings the sensitivity peak below {max_ms:g}, it is "
@@ -168,7 +176,7 @@ def _calmed(model: Fraction, design: _Design, phase_margin: float, max_ms: float
         high, low = low, low * LOWERED
     while high - low > 1e-6 * high:
         middle = (low + high) / 2
-        if (tried := lowered(middle)).keeps(phase_margin, max_ms):
+        if (tried := _Design.of(model, middle * design.controller)).keeps(phase_margin, max_ms):
             low, best = middle, tried
         else:
             high = middle
@@ -195,17 +203,7 @@ def _design(model: Fraction, omega: float, phase: float, sign: int) -> _Design:
         time = SLOWEST_INTEGRAL / omega
         shape = ct.tf(np.convolve([time, 1.0], [slow, 1.0]), np.convolve([time, 0.0], [fast, 1.0]))
     gain = sign / abs(complex(shape(1j * omega)) * complex(_value(model, omega)))
-    controller = gain * shape
-    integral = abs(gain * shape.num[0][0][-1] / shape.den[0][0][-2])
-    return _Design(controller, float(integral), _judged(model, controller))
-
-
-def _judged(model: Fraction, controller: ct.TransferFunction) -> Margins:
-    """Margins of C·G̃."""
-    filter = LowPassFilter(1.0, max(1, model.relative_degree))
-    loop = LoopEquations(model, model, controller, filter)
-    verdict = judge("C Gm", loop.CGm.den, loop.p_A, loop.ill_posed_model_loop)
-    return quotient_margins(loop.CGm, verdict.stable)
+    return _Design.of(model, gain * shape)
 
 
 def _largest_integral_gain(model: Fraction, phase_margin: float) -> _Design:

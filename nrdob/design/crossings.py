@@ -15,9 +15,9 @@ from typing import NamedTuple
 import numpy as np
 from scipy.optimize import linear_sum_assignment
 
-from ..numerics import BoolArray, ComplexArray, FloatArray, IntArray, bisect, side
+from ..numerics import BoolArray, ComplexArray, FloatArray, IntArray, bisect, exponential, side
 from .columns import positive_roots, root_near, roots_of_columns, values_and_slopes
-from .mismatch import Mismatch, summed, taylor, wide
+from .mismatch import Mismatch, summed
 
 __all__ = ["Branches", "CriticalTimeConstant", "crossings"]
 
@@ -298,29 +298,16 @@ def _through_ends(mismatch: Mismatch) -> list[CriticalTimeConstant]:
 
 def _at_ends(mismatch: Mismatch) -> FloatArray:
     """Coefficients in λ of s^0 and s^1 in p_B, and of the two highest powers without dead time."""
-    tables = [(mismatch.E, mismatch.a, 0.0)] + [
-        (mismatch.Nf, p, delay) for p, delay in mismatch.behind
-    ]
-    parts = [
-        np.array([np.convolve(factor, row) for row in wide(table)]) for table, factor, _ in tables
-    ]
-    columns = mismatch.divided + 1 + max(part.shape[1] for part in parts)
-    parts = [np.pad(part, ((0, 0), (columns - part.shape[1], 0))) for part in parts]
-    delays = [delay for *_, delay in tables]
-
-    def at_zero(power: int) -> FloatArray:
-        return summed(
-            [
-                part[:, -1 - k, None] * taylor(delay, power + 1)[power - k]
-                for part, delay in zip(parts, delays, strict=True)
-                for k in range(power + 1)
-            ]
-        )[:, 0]
-
-    top = summed([part for part, delay in zip(parts, delays, strict=True) if not delay])
-    first = int(np.flatnonzero(top.any(axis=0))[0])
-    last = top[:, first + 1] if first + 1 < top.shape[1] else np.zeros(top.shape[0])
-    return np.array([at_zero(mismatch.divided), at_zero(mismatch.divided + 1), top[:, first], last])
+    m = mismatch.divided
+    tables = [(mismatch.E, mismatch.a, 0.0)]
+    tables += [(mismatch.Nf, p, delay) for p, delay in mismatch.behind]
+    slope, constant = summed(
+        [(table.T, p[:, None], exponential(T, m + 2)[:, None]) for table, p, T in tables]
+    )[-m - 2 :][:2]
+    top = summed([(table.T, p[:, None]) for table, p, delay in tables if not delay])
+    first = int(np.flatnonzero(top.any(axis=1))[0])
+    lead, second = np.pad(top, ((0, 1), (0, 0)))[first : first + 2]
+    return np.array([constant, slope, lead, second])
 
 
 def _pair_at_infinity(mismatch: Mismatch, critical: float, slopes: tuple[float, float]) -> int:

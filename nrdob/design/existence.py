@@ -30,10 +30,7 @@ __all__ = [
     "right_half_plane_parity",
     "roots_by_side",
     "stabilizing_filter_exists",
-    "vanishes",
 ]
-
-NONE = np.empty(0, dtype=complex)
 
 ROOT_AT_ORIGIN = (
     "p_B(0) = 0 for every filter 1/(λs + 1)^n: the process has a zero at s = 0, or the model more "
@@ -101,9 +98,8 @@ def right_half_plane_parity(process: Any, model: Any) -> Answer:
         return Answer(True, INTEGRATOR)
     _, D, Nm, _ = mismatch.factors
     P = roots_by_side(D, Nm)[0].size
-    even = bool(mismatch.b[-1] * mismatch.a[0] > 0)
     poles = f"{P or 'no'} unstable pole{'' if P == 1 else 's'} of G/model"
-    if even:
+    if mismatch.b[-1] * mismatch.a[0] > 0:
         return Answer(True, f"{poles}, and DC signs that fit")
     wanted = "opposite" if P % 2 else "same"
     return Answer(False, f"{poles}: the model must have the {wanted} DC sign")
@@ -171,7 +167,7 @@ def stabilizing_filter_exists(process: Any, model: Any) -> Answer:
     a, b = mismatch.a, mismatch.b
     N, D, Nm, Dm = mismatch.factors
     unstable = np.concatenate(roots_by_side(D, Nm))
-    shared = [root for root in unstable if any(vanishes(p, root) for p in (N, Dm))]
+    shared = [root for root in unstable if any(_vanishes(p, root) for p in (N, Dm))]
     integrators = Dm[-1] == 0 and not mismatch.divided  # beside the one that both have
     if N[-1] and (shared or integrators):
         return _made_for_common_roots(mismatch, [*shared, *([0j] if integrators else [])])
@@ -224,7 +220,7 @@ class _Common(NamedTuple):
         cancels, rest, again = once.common.q, once.v, once.common
         while again.degree and (more := shared_factor(rest, again)).common.degree:
             cancels, rest, again = np.convolve(cancels, more.common.q), more.u, more.common
-        right, axis = roots_by_side(once.common.q) if once.common.degree else (NONE, NONE)
+        right, axis = roots_by_side(once.common.q)
         roots = np.append(right, axis[axis != 0])
         return cls(roots, once.u.q, once.v.q, cancels, rest.without_origin.q)
 
@@ -287,7 +283,7 @@ def _sign(x: float, *factors: FloatArray) -> float:
 def _real_zeros(b: FloatArray, a: FloatArray) -> ComplexArray:
     """Real zeros of b - a in the right half plane; a possible pair keeps its imaginary part."""
     difference = QuasiPolynomial(add(b, -a), scale=add(np.abs(a), np.abs(b)))
-    zeros = difference.roots if difference.degree else NONE
+    zeros = difference.roots
     zeros = zeros[(zeros.real > 0) & (zeros.imag >= 0)]
     rounding = ROUNDING * np.polyval(difference.scale, zeros.real)
     real = (zeros.imag == 0) | (np.abs(difference(zeros.real + 0j)) <= rounding)
@@ -296,16 +292,13 @@ def _real_zeros(b: FloatArray, a: FloatArray) -> ComplexArray:
 
 def roots_by_side(*polynomials: FloatArray) -> tuple[ComplexArray, ComplexArray]:
     """Sort the roots of polynomials: in the right half plane, rightmost first, and on the axis."""
-    right, axis = [NONE], [NONE]
-    for coefficients in polynomials:
-        p = QuasiPolynomial(coefficients)
-        on_axis = p.near_axis(p.roots)
-        axis.append(1j * p.roots.imag[on_axis])
-        right.append(p.roots[~on_axis & (p.roots.real > 0)])
-    found = np.concatenate(right)
-    return found[np.argsort(-found.real, kind="stable")], np.concatenate(axis)
+    functions = [QuasiPolynomial(p) for p in polynomials]
+    roots = np.concatenate([p.roots for p in functions])
+    on_axis = np.concatenate([p.near_axis(p.roots) for p in functions])
+    right = roots[~on_axis & (roots.real > 0)]
+    return right[np.argsort(-right.real, kind="stable")], 1j * roots.imag[on_axis]
 
 
-def vanishes(p: FloatArray, s: complex) -> bool:
+def _vanishes(p: FloatArray, s: complex) -> bool:
     """Tell whether a polynomial is 0 at a point within rounding."""
     return bool(abs(np.polyval(p, s)) <= 1e-9 * np.polyval(np.abs(p), abs(s)))

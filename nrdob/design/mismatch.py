@@ -33,7 +33,9 @@ from ..numerics import (
     QuasiPolynomial,
     Term,
     add,
+    convolved,
     count_rhp,
+    exponential,
     exponential_rest,
     padded_sum,
     shared_factor,
@@ -41,7 +43,7 @@ from ..numerics import (
 )
 from .columns import size_squared
 
-__all__ = ["Mismatch", "multiplied", "summed", "taylor", "wide"]
+__all__ = ["Mismatch", "multiplied", "summed"]
 
 ERROR = 64 * float(np.finfo(float).eps)  # rounding error of a value, against its terms' sizes
 
@@ -130,8 +132,7 @@ class Mismatch:
     @cached_property
     def roots(self) -> ComplexArray:
         """Poles and zeros of R, before any cancellation, without those at s = 0."""
-        found = [QuasiPolynomial(p).without_origin.roots for p in self.factors]
-        return np.concatenate([*found, np.empty(0, dtype=complex)])
+        return np.concatenate([QuasiPolynomial(p).without_origin.roots for p in self.factors])
 
     @cached_property
     def excess(self) -> int:
@@ -212,12 +213,11 @@ class Mismatch:
         (N, D, Nm, Dm), sizes = map(np.abs, self._values(omega)), self._sizes(omega)
         off_a = sizes[1] * Nm + D * sizes[2]
         off_b = sizes[0] * Dm + N * sizes[3] + N * Dm * self.delay * omega / 8
-        if self.wait:
-            zeros = np.abs(values_on_axis(self.zeros, omega))
-            off_b = off_b + D * zeros * self.wait * omega / 8
         off_b = off_b / omega**self.divided
         if self.wait:
+            zeros = np.abs(values_on_axis(self.zeros, omega))
             off_zeros = sizes[1] * zeros + D * np.polyval(np.abs(self.zeros), omega)
+            off_b = off_b + D * zeros * self.wait * omega / 8 / omega**self.divided
             off_b = off_b + np.abs(self._lag(1j * omega)) * off_zeros
         E, Nf = (_rows(np.abs(table), omega) for table in (self._ahead, self.Nf))
         return np.asarray(ERROR * (off_a * E + off_b * Nf))
@@ -270,9 +270,8 @@ class Mismatch:
         m = self.divided
         if not m:
             return self.E
-        lag = taylor(self.wait, m)[::-1] if self.wait else np.zeros(1)
-        late = np.array([np.convolve(row, lag) for row in self.Nf])
-        return padded_sum(self.E.T, -late.T).T[:, :-m]
+        lag = exponential(self.wait, m) if self.wait else np.zeros(1)
+        return padded_sum(self.E.T, -convolved(self.Nf.T, lag[:, None])).T[:, :-m]
 
     def _tables(self, omega: FloatArray) -> tuple[ComplexArray, ComplexArray]:
         s = 1j * np.asarray(omega)
@@ -301,7 +300,7 @@ class Mismatch:
     def leading(self, *, lagging: bool = False) -> list[FloatArray]:
         """Coefficients in λ, ascending, of the highest power of s in p_B of the three `terms`."""
         parts = [(self.E, self.a, lagging), (self.Nf, self.b, 0), (self.Nf, -self.waiting, lagging)]
-        tables = [wide(table) for table, *_ in parts]
+        tables = [_wide(table) for table, *_ in parts]
         degrees = [
             (p.size + table.shape[1] if p.any() else 0) + more
             for table, (_, p, more) in zip(tables, parts, strict=True)
@@ -329,24 +328,11 @@ def _common_ramp(family: FilterFamily, wait: float) -> int:
     if not wait:
         return family.ramp
     num, den = family.num, family.den
-    count = int(den.shape[0])
-    columns = max(num.shape[1], den.shape[1])
-    ahead, behind = (
-        np.pad(table[::-1], ((0, count - table.shape[0]), (columns - table.shape[1], 0)))
-        for table in (den, num)
-    )
-    lag = taylor(wait, count)
-    for k in range(count):
-        late = lag[k::-1] @ behind[: k + 1]
-        sizes = np.abs(ahead[k]) + np.abs(lag[k::-1]) @ np.abs(behind[: k + 1])
-        if np.any(np.abs(ahead[k] - late) > ROUNDING * sizes):
-            return k
-    return count
-
-
-def taylor(delay: float, count: int) -> FloatArray:
-    """First coefficients of the series of exp(-θs), ascending."""
-    return np.array([(-delay) ** k / factorial(k) for k in range(count)])
+    lag = exponential(wait, len(den))[:, None]
+    late, sizes = convolved(num, lag)[-len(den) :], convolved(np.abs(num), np.abs(lag))[-len(den) :]
+    rest = padded_sum(den.T, -late.T)
+    left = np.abs(rest) > ROUNDING * padded_sum(np.abs(den).T, sizes.T)
+    return int(np.nonzero(left.T[::-1])[0].min(initial=len(den)))
 
 
 def _without_shared(table: FloatArray, block: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -359,11 +345,9 @@ def _without_shared(table: FloatArray, block: FloatArray) -> tuple[FloatArray, F
     common = model
     for share in GENERIC:
         one = QuasiPolynomial(np.polyval(table.T, share * typical))
-        if not (common.degree and one.degree):
-            return table, block
         common = shared_factor(common, one).common
-    if not common.degree:
-        return table, block
+        if not common.degree:
+            return table, block
     divided = [_divided(column, common.q) for column in table.T]
     longest = max(column.size for column in divided)
     columns = [np.pad(column, (longest - column.size, 0)) for column in divided]
@@ -386,7 +370,7 @@ def _by_powers(*tables: FloatArray) -> list[FloatArray]:
     return [table[used[0] : used[-1] + 1] for table in wide]
 
 
-def wide(table: FloatArray) -> FloatArray:
+def _wide(table: FloatArray) -> FloatArray:
     """Leave out the powers of s that no λ needs."""
     used = np.flatnonzero(table.any(axis=0))
     return table[:, used[0] :] if used.size else table[:, -1:]
@@ -408,9 +392,10 @@ def _exactly_on_axis(p: FloatArray, omega: FloatArray) -> ComplexArray:
     return np.array(found)
 
 
-def summed(tables: list[FloatArray]) -> FloatArray:
-    """Add tables; what is only rounding is 0."""
-    total, size = sum(tables), sum(map(np.abs, tables))
+def summed(products: list[tuple[FloatArray, ...]]) -> FloatArray:
+    """Add products of polynomials; what is only rounding is 0."""
+    total = padded_sum(*(reduce(convolved, factors) for factors in products))
+    size = padded_sum(*(reduce(convolved, map(np.abs, factors)) for factors in products))
     return np.where(np.abs(total) <= ROUNDING * size, 0.0, total)
 
 

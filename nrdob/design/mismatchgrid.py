@@ -39,9 +39,8 @@ class Frequencies:
         mismatch = self.mismatch
         roots = mismatch.roots
         if not mismatch.longest_delay:  # a zero of H turns its phase as fast
-            difference = add(mismatch.b, -mismatch.a)
-            if difference.any():
-                roots = np.append(roots, QuasiPolynomial(difference).without_origin.roots)
+            difference = QuasiPolynomial(add(mismatch.b, -mismatch.a))
+            roots = np.append(roots, difference.without_origin.roots)
         sizes = np.append(np.abs(roots), mismatch.speeds)
         first, last = self._far_crossings
         low = min(np.log10(sizes.min()) - DECADES, first - 1)

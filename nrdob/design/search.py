@@ -151,19 +151,16 @@ class FilterSearch:
         return slack
 
     @property
-    def first(self) -> float:
-        """A λ below which all are excluded; inf where none is left."""
-        return self._windows[0][0].outside if self._windows else inf
-
-    @property
     def all_fast_ones_do(self) -> bool:
         """Whether the fastest filters looked at meet the specification."""
-        return bool(self._windows) and self.first == self.intervals[0][0]
+        return bool(self._windows) and self._windows[0][0].outside == self.intervals[0][0]
 
     @property
     def promise(self) -> float:
         """Least nλ that is not excluded: 0 if all fast filters do, inf for none."""
-        return 0.0 if self.all_fast_ones_do else self.family.order * self.first
+        if self.all_fast_ones_do:
+            return 0.0
+        return self.family.order * self._windows[0][0].outside if self._windows else inf
 
     @cached_property
     def admissible(self) -> list[Interval]:
@@ -192,11 +189,9 @@ class FilterSearch:
     def _scan(self) -> Scan:
         """Distances all over the stabilising set, dead times followed as far as it takes."""
         slowest, gain = self.intervals[0][0], (1 - 1 / self.max_ms) / SHORT
-        if not self.frequencies.mismatch.longest_delay:
-            return Scan.of(PlantLoops.above(self.frequencies, slowest), self.max_ms, self.intervals)
         try:
             loops = PlantLoops.above(self.frequencies, slowest, gain)
-            if loops.omega.size <= FEW:
+            if loops.omega.size <= FEW or not self.frequencies.mismatch.longest_delay:
                 return Scan.of(loops, self.max_ms, self.intervals)
         except ValueError:  # dead times would have to be followed too far
             pass

@@ -33,11 +33,7 @@ SAME = 1e-9  # relative distance below which two critical time constants are one
 
 
 def critical_time_constants(
-    process: Any,
-    model: Any,
-    order: int | FilterFamily,
-    *,
-    floor: float | None = None,
+    process: Any, model: Any, order: int | FilterFamily, *, floor: float | None = None
 ) -> list[CriticalTimeConstant]:
     r"""Find every time constant λ at which the observer loop has a root on the imaginary axis.
 
@@ -141,7 +137,7 @@ def stabilizing_time_constants(
         )
     frequencies = Frequencies(Mismatch.of(process, model, order))
     found = stabilizing_set(frequencies, _checked_floor(frequencies, floor))
-    return intersection(found, stable_filters(frequencies.mismatch.family)) if found else found
+    return intersection(found, stable_filters(frequencies.mismatch.family))
 
 
 def stabilizing_set(frequencies: Frequencies, floor: float) -> list[tuple[float, float]]:

@@ -190,6 +190,6 @@ def _block(num: FloatArray, den: FloatArray, constant: float) -> ct.TransferFunc
 
 def _real_right(p: QuasiPolynomial) -> list[float]:
     """Real roots with Re s >= 0, increasing."""
-    right, axis = roots_by_side(p.q) if p.degree else (np.empty(0), np.empty(0))
+    right, axis = roots_by_side(p.q)
     real = right.real[np.abs(right.imag) <= REAL * np.abs(right)]
     return sorted([*real.tolist(), *[0.0] * int(np.sum(axis == 0))])

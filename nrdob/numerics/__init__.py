@@ -2,7 +2,7 @@
 
 from .argument import Term, frequency_range, rhp_counts, zero_free
 from .arrays import ROUNDING, BoolArray, ComplexArray, FloatArray, IntArray, is_real, is_whole
-from .coefficients import add, exponential_rest, pade
+from .coefficients import add, exponential, exponential_rest, pade
 from .crossings import bisect, golden, newton, side
 from .manypolynomials import convolved, hurwitz, padded_sum, values_and_slopes, values_on_axis
 from .quasipoly import QuasiPolynomial, follow_together, multiply
@@ -30,6 +30,7 @@ __all__ = [
     "companion_roots",
     "convolved",
     "count_rhp",
+    "exponential",
     "exponential_rest",
     "factor_near",
     "follow_together",

@@ -93,25 +93,31 @@ def rhp_counts(terms: Sequence[ManyTerms], scale: FloatArray) -> IntArray:
     >>> rhp_counts([ManyTerms(q, np.zeros(1))], np.abs(q)).tolist()
     [2, 0]
     """
-    counts = np.full(scale.shape[1], -1)
     roots = (len(scale) - 1) / 2 - _changes(terms, scale) / pi
     whole = np.round(roots)
-    settled = np.abs(roots - whole) < 0.1
-    counts[settled] = whole[settled]
-    return counts
+    return np.where(np.abs(roots - whole) < 0.1, whole, -1).astype(int)
 
 
-def argument_changes(polynomials: Sequence[tuple[FloatArray, FloatArray]]) -> FloatArray:
-    """Follow the arguments of several polynomials from ω = 0 to infinity at once.
+def argument_changes(sums: Sequence[tuple[Sequence[Term], FloatArray]]) -> FloatArray:
+    """Follow the arguments of sums of as many terms each from ω = 0 to infinity at once.
 
-    Of each are given its coefficients and their `scale`, both in descending powers. A change is nan
-    where it has to be followed alone: with a root on the axis within rounding, say.
+    Of each are given its terms and their `scale`, as for `argument_change`. A change is nan where
+    it has to be followed alone: with a root on the axis within rounding, say.
     """
-    together = np.zeros((2, max(q.size for q, _ in polynomials), len(polynomials)))
-    for k, given in enumerate(polynomials):
-        together[:, -given[0].size :, k] = given
-    q, scale = together
-    return _changes([ManyTerms(q, np.zeros(1))], scale)
+    each, scales = zip(*sums, strict=True)
+    terms = [
+        ManyTerms(_beside([q for q, _ in some]), np.array([T for _, T in some]))
+        for some in zip(*each, strict=True)
+    ]
+    return _changes(terms, _beside(scales))
+
+
+def _beside(polynomials: Sequence[FloatArray]) -> FloatArray:
+    """Put polynomials beside each other, each a column."""
+    columns = np.zeros((max(p.size for p in polynomials), len(polynomials)))
+    for k, p in enumerate(polynomials):
+        columns[-p.size :, k] = p
+    return columns
 
 
 def _changes(terms: Sequence[ManyTerms], scale: FloatArray) -> FloatArray:
@@ -143,18 +149,20 @@ def frequency_range(
     """
     sums = Sums(terms, scale, moderate=True)
     top, lead = len(scale) - 1 - sums.degree, np.abs(sums.lead)
+    columns = np.arange(top.size)
     rising = np.zeros((len(scale) + 1, scale.shape[1]))  # ascending
     rising[:-1] = scale[::-1]
     for q, delay in terms[1:]:  # |exp(-jωT) - 1| <= ωT
-        rising[1 : len(q) + 1] += np.abs(q[::-1]) * delay
-        if len(q) == len(scale):
-            lead = lead - np.abs(q[0])
+        size = np.zeros_like(scale)
+        size[-len(q) :] = np.abs(q)
+        rising[1:] += size[::-1] * delay
+        lead = lead - size[top, columns]
     constant = np.abs(sums.constant)
     with np.errstate(all="ignore"):
         low = 1 / _dominance_radius(rising / constant, np.zeros(1, dtype=int))
         high = _dominance_radius(scale / lead, top)
     low = np.where(constant > ROUNDING * scale[-1], low, 0.0)
-    leads = lead > ROUNDING * scale[top, np.arange(top.size)]
+    leads = lead > ROUNDING * scale[top, columns]
     certain = (low > 0) & leads & np.isfinite(scale).all(axis=0)
     return low, high, certain
 
@@ -242,7 +250,9 @@ def _legs(terms: Sequence[Term], scale: FloatArray, origin: int) -> tuple[int, l
     low, high = _range_of_one(terms, scale)
     if low:
         return 0, [_Leg(terms, scale, low, high)], 1.0
-    if (unit := _unit(terms)) != 1:
+    longest, unit = max(T for _, T in terms), 1.0
+    if longest and not 1 / FAR < longest < FAR:  # so that the powers of a dead time do not overflow
+        unit = 2.0 ** round(log2(longest))
         terms, scale = _in_unit(terms, scale, unit)
         _, high = _range_of_one(terms, scale)
     count = origin + scale.size + SERIES
@@ -358,12 +368,6 @@ def _half_circles(sums: Sums, vanishing: list[Stretches]) -> list[tuple[float, f
                 centre, radius = (a + centre + radius) / 2, (centre + radius - a) / 2
         passed.append((centre - radius, centre + radius, angle))
     return passed
-
-
-def _unit(terms: Sequence[Term]) -> float:
-    """Give a unit of time, a power of 2, in which the powers of a dead time do not overflow."""
-    longest = max((T for _, T in terms), default=0.0)
-    return 1.0 if not longest or 1 / FAR < longest < FAR else 2.0 ** round(log2(longest))
 
 
 def _in_unit(

@@ -46,7 +46,15 @@ def exponential_rest(z: ComplexArray, m: int, *, divided: bool = False) -> Compl
 
 
 def exponential(delay: float, m: int) -> FloatArray:
-    """Taylor's polynomial of exp(-delay·s), of m coefficients, descending."""
+    """Taylor's polynomial of exp(-delay·s), in descending powers.
+
+    Parameters
+    ----------
+    delay : float
+        In seconds.
+    m : int
+        Number of coefficients.
+    """
     return np.array([(-delay) ** k / factorial(k) for k in range(m - 1, -1, -1)])
 
 

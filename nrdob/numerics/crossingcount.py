@@ -18,7 +18,7 @@ import numpy as np
 from .arrays import FloatArray
 from .coefficients import exponential
 from .crossings import side, zeros
-from .exact import Whole, multiply, positive_sign_changes, rhp_count, squared_size, total, whole
+from .exact import multiply, positive_sign_changes, rhp_count, squared_size, total, whole
 from .rootfinding import companion_roots, frequencies_beside, polynomial_roots
 
 __all__ = ["count_by_crossings", "crossings_between"]
@@ -35,7 +35,7 @@ def count_by_crossings(q: FloatArray, r: FloatArray, delay: float) -> int | None
     the axis; a root at s = 0 for every dead time, where q + r = 0, is not counted.
     """
     Q, R = whole(q, r)
-    changes = positive_sign_changes(_difference(squared_size(Q), squared_size(R)))
+    changes = positive_sign_changes(total(squared_size(Q), [-x for x in squared_size(R)]))
     crossings = [(sqrt(x), _crossing_angle(q, r, sqrt(x)), direction) for x, direction in changes]
     count = _count_without_delay(q, r, [omega for omega, angle, _ in crossings if angle == 0])
     if count is None:
@@ -84,9 +84,9 @@ def crossings_between(
 def _bands(q: FloatArray, r: FloatArray, moving: FloatArray) -> list[tuple[float, float]]:
     """Frequencies between which |q + r exp(-sT)| may be as large as the moving term, for any T."""
     a, b, c = map(squared_size, whole(q, r, moving))
-    between = _difference(total(a, b), c)
-    product = [4 * x for x in multiply(a, b)]
-    changes = positive_sign_changes(_difference(multiply(between, between), product))
+    between = total(total(a, b), [-x for x in c])
+    product = [-4 * x for x in multiply(a, b)]
+    changes = positive_sign_changes(total(multiply(between, between), product))
     edges = [sqrt(x) for x, _ in changes]
     if changes and changes[0][1] > 0:  # negative from zero frequency on
         edges = [0.0, *edges]
@@ -152,8 +152,3 @@ def _count_without_delay(q: FloatArray, r: FloatArray, on_axis: list[float]) -> 
         for s in (1j * omega, -1j * omega):
             roots = np.delete(roots, np.argmin(np.abs(roots - s)))
     return int(np.sum(roots.real > 0))
-
-
-def _difference(a: Whole, b: Whole) -> Whole:
-    """Subtract polynomials."""
-    return total(a, [-x for x in b])

@@ -58,8 +58,6 @@ def rhp_count(p: Whole) -> int | None:
     if not p[-1]:
         return None
     n = len(p) - 1
-    if n == 1:
-        return int((p[0] > 0) != (p[1] > 0))
     # j^k c_k: signs + + - - for the powers k = 0, 1, 2, 3; either part has every other power only.
     signed = [-c if (n - i) % 4 >= 2 else c for i, c in enumerate(p)]
     every, other = (_stripped(signed[first::2]) for first in (0, 1))

@@ -57,7 +57,7 @@ def _guesses(q: FloatArray, r: FloatArray, delay: float) -> ComplexArray:
     turn_of_delay = tau / delay
     beside = turn_of_delay * np.arange(-NEIGHBOURS, NEIGHBOURS + 1)
     near = [(peaks[:, None] + beside).ravel(), turn_of_delay * np.arange(0.05, NEIGHBOURS, 0.5)]
-    above = np.flatnonzero(np.diff(np.concatenate([[0], height > 0, [0]])))
+    above = np.flatnonzero(np.diff(height > 0, prepend=False, append=False))
     bands = [(omega[max(i - 1, 0)], omega[min(k, omega.size - 1)]) for i, k in above.reshape(-1, 2)]
     if sum(high - low for low, high in bands) < SHOWN * turn_of_delay:
         near += [np.arange(low, high + turn_of_delay, turn_of_delay) for low, high in bands]
@@ -127,7 +127,7 @@ def _newton(q: FloatArray, delayed: Delayed, s: ComplexArray) -> ComplexArray:
     s = np.where(s.imag < 0, s.conj(), s)
     s = np.where(np.abs(s.imag) <= 1e-9 * np.abs(s), s.real, s)
     s = s[np.lexsort((s.real, s.imag))]
-    s = s[np.append(True, np.abs(np.diff(s)) > 1e-7 * (np.abs(s[1:]) + 1 / longest))]
+    s = s[np.abs(np.diff(s, prepend=np.inf)) > 1e-7 * (np.abs(s) + 1 / longest)]
     s = np.concatenate([s, s[s.imag > 0].conj()])
     return np.asarray(s[np.lexsort((-s.imag, -s.real))])
 

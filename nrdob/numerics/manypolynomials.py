@@ -8,7 +8,7 @@ that the digits depend on neither threads nor on how many polynomials there are.
 from __future__ import annotations
 
 import numpy as np
-from numpy.polynomial.polynomial import polyval
+from numpy.polynomial.polynomial import polyder, polyval
 
 from .arrays import BoolArray, ComplexArray, FloatArray
 
@@ -23,7 +23,7 @@ def convolved(a: FloatArray, b: FloatArray) -> FloatArray:
     Parameters
     ----------
     a, b : (k, ...) and (l, ...) array of float
-        Of shapes that broadcast.
+        Of as many axes, and shapes that broadcast.
 
     Examples
     --------
@@ -34,8 +34,7 @@ def convolved(a: FloatArray, b: FloatArray) -> FloatArray:
     shape = np.broadcast_shapes(a.shape[1:], b.shape[1:])
     product = np.zeros((a.shape[0] + b.shape[0] - 1, *shape))
     for i, x in enumerate(a):
-        for k, y in enumerate(b):
-            product[i + k] += x * y
+        product[i : i + len(b)] += x * b
     return product
 
 
@@ -62,6 +61,7 @@ def values_on_axis(p: FloatArray, omega: FloatArray) -> ComplexArray:
     omega : array of float
         In rad/s, of a shape that broadcasts with the columns.
     """
+    # p(s) = even(s²) + s odd(s²): on the axis s² is real, so that half the work is left.
     square, ascending = -(omega**2), p[::-1]
     even = polyval(square, ascending[::2], tensor=False)
     odd = polyval(square, ascending[1::2], tensor=False) if len(p) > 1 else 0.0
@@ -82,27 +82,7 @@ def values_and_slopes(p: FloatArray, omega: FloatArray) -> tuple[ComplexArray, C
     >>> complex(value), complex(slope)                          # s² + 2s + 3 at 2j
     ((-1+4j), (2+4j))
     """
-    # p(s) = even(s²) + s odd(s²): on the axis s² is real, so that half the work is left.
-    square = -(omega**2)
-    (even, odd), (even_slope, odd_slope) = zip(
-        *(_horner(p[::-1][k::2], square, np.shape(omega)) for k in (0, 1)), strict=True
-    )
-    s = 1j * omega
-    return even + s * odd, odd + 2 * s * (even_slope + s * odd_slope)
-
-
-def _horner(
-    ascending: FloatArray, x: FloatArray, shape: tuple[int, ...]
-) -> tuple[FloatArray, FloatArray]:
-    """Values and derivatives of polynomials at real x."""
-    full = np.broadcast_shapes(ascending.shape[1:], shape)
-    value, slope = np.zeros(full), np.zeros(full)
-    for coefficient in ascending[::-1]:
-        slope *= x
-        slope += value
-        value *= x
-        value += coefficient
-    return value, slope
+    return values_on_axis(p, omega), values_on_axis(polyder(p[::-1])[::-1], omega)
 
 
 def hurwitz(coefficients: FloatArray, off: FloatArray) -> tuple[BoolArray, BoolArray]:

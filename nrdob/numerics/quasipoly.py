@@ -290,8 +290,7 @@ class QuasiPolynomial:
         found = self._eigenvalues
         if found is None:
             found = self.without_origin._rightmost
-        if self.zeros_at_origin:
-            found = np.concatenate([found, np.zeros(self.zeros_at_origin)])
+        found = np.concatenate([found, np.zeros(self.zeros_at_origin)])
         return found[np.lexsort((-found.imag, -found.real))]
 
     @property
@@ -351,27 +350,28 @@ class QuasiPolynomial:
 
 
 def follow_together(functions: Iterable[QuasiPolynomial]) -> None:
-    """Find the changes in argument of polynomials at once, which takes less time than one by one.
+    """Find changes in argument at once, which takes less time than one by one.
 
-    A dead time, or a root on the axis, is left to `argument_change`, and so are degrees 1 and 2,
-    where the coefficients tell.
+    A root on the axis is left to `argument_change`, and so are polynomials of degree 1 and 2, where
+    the coefficients tell.
 
     Parameters
     ----------
     functions : iterable of QuasiPolynomial
     """
     parts = {id(part): part for part in (p.finite_part for p in functions)}
-    polynomials = [
-        p
-        for p in parts.values()
-        if p.q.size > 3 and not p.delay and "argument_change" not in p.__dict__
-    ]
-    if len(polynomials) < 2:
-        return
-    angles = argument_changes([(p.q, p.scale) for p in polynomials]).tolist()
-    for p, angle in zip(polynomials, angles, strict=True):
-        if not isnan(angle):
-            p.__dict__["argument_change"] = ArgumentChange(angle)  # as if asked for
+    alike: dict[int, list[QuasiPolynomial]] = {}
+    for p in parts.values():
+        least = max(p.degree, 1) if p.delay else 3
+        if p.q.size > least and not p.divided and "argument_change" not in p.__dict__:
+            alike.setdefault(len(p.delayed), []).append(p)
+    for several in alike.values():
+        if len(several) < 2:
+            continue
+        angles = argument_changes([(p.terms, p.scale) for p in several]).tolist()
+        for p, angle in zip(several, angles, strict=True):
+            if not isnan(angle):
+                p.__dict__["argument_change"] = ArgumentChange(angle)  # as if asked for
 
 
 def multiply(*factors: QuasiPolynomial) -> QuasiPolynomial:

@@ -253,8 +253,6 @@ def _collocated_loop(q: FloatArray, delayed: Delayed, speed: float, nodes: int) 
 def _read(nodes: int, place: float) -> FloatArray:
     """Weights of the line's nodes for its value at a place in (0, 1], by barycentric formula."""
     k = np.arange(nodes + 1)
-    if place == 1:
-        return np.asarray(k == nodes, dtype=float)
     distance = place - (1 - np.cos(pi * k / nodes)) / 2
     if (exact := distance == 0).any():
         return np.asarray(exact, dtype=float)

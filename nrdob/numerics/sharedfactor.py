@@ -65,15 +65,8 @@ def shared_factor(f: QuasiPolynomial, g: QuasiPolynomial) -> Shared:
     excess = f.zeros_at_origin - g.zeros_at_origin
     whole, common = (f, g), np.ones(1)
     f, g = f.without_origin, g.without_origin
-    found = True
-    while found:
-        found = False
-        for divisor in _suggested(f, g):
-            fitted = _fitted(f, g, divisor)
-            if fitted:
-                f, g, found = fitted.u, fitted.v, True
-                common = np.convolve(common, fitted.common.q)
-                break
+    while fitted := next(filter(None, (_fitted(f, g, each) for each in _suggested(f, g))), None):
+        f, g, common = fitted.u, fitted.v, np.convolve(common, fitted.common.q)
     if not power and common.size == 1:
         return Shared(QuasiPolynomial(common), *whole)
     return Shared(

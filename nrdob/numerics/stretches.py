@@ -307,10 +307,8 @@ def certified(
         column, left, right, _ = part.where(unknown)
         if dominance and len(sums.terms) > 1:
             mark[unknown] = sums.of(column).dominant(left, right)
-            more = mark[unknown] == UNDECIDED
-            column, left, right = column[more], left[more], right[more]
-            vanishing = vanishing & (mark == UNDECIDED)
             unknown = mark == UNDECIDED
+            column, left, right, _ = part.where(unknown)
         middle = (left + right) / 2
         gone = vanishing[unknown] | (middle <= left) | (middle >= right)
         if gone.any():

@@ -134,7 +134,7 @@ def test_an_infinite_count_is_one():
     # F/model and the process are biproper: neutral with the ratio k/λ, and beyond 1 lost.
     loops = ChartLoops.of((s + 2) * lag, lag, nrdob.LowPassFilter(0.5, 1), {"gain", "delay"})
     given = [{"gain": k, "delay": 0.1} for k in (0.4, 0.6)]
-    assert [loops.count(each) for each in given] == loops.counts(given) == [0, inf]
+    assert [loops.counts([each])[0] for each in given] == loops.counts(given) == [0, inf]
 
 
 def test_levels_of_the_sensitivity_lie_where_the_margins_have_them():
@@ -308,7 +308,7 @@ def test_roots_of_many_loops_of_a_chart_are_counted_as_those_of_one():
         for value in (0.03, 0.1, 0.4)
         for delay in (0.0, 0.5, 0.7, 8.0)
     ]
-    assert loops.counts(points) == [loops.count(point) for point in points]
+    assert loops.counts(points) == [loops.counts([point])[0] for point in points]
 
 
 def test_a_curve_is_cut_before_the_step_that_leads_to_another_one():

@@ -3,7 +3,7 @@ import pytest
 from scipy.optimize import brentq
 from scipy.special import lambertw
 
-from nrdob.numerics import QuasiPolynomial, count_rhp
+from nrdob.numerics import QuasiPolynomial, Term, count_rhp
 from nrdob.numerics.longdelay import rightmost_roots
 
 
@@ -49,6 +49,11 @@ def test_terms_that_are_small_everywhere_leave_the_root_near_that_without_them()
     # On the real axis left of 0 the sum rises from -∞ to its largest root.
     expected = brentq(lambda x: x + 1 + 0.01 * np.exp(-2 * x) + 0.02 * np.exp(-x), -1.5, 0.0)
     assert rightmost_roots(q, delayed)[0] == pytest.approx(expected, rel=1e-9)
+
+
+def test_where_no_guess_leads_to_a_root_there_are_none():
+    weak = QuasiPolynomial([1.0, 2.0, 2.0], [0.1], 200.0, more=(Term(np.array([0.05]), 70.0),))
+    assert not weak.roots.size and not weak.roots_resolved and count_rhp(weak).count == 0
 
 
 def test_roots_agree_with_another_program():

@@ -9,6 +9,7 @@ from nrdob.numerics import (
     ROUNDING,
     ManyTerms,
     QuasiPolynomial,
+    Term,
     convolved,
     count_rhp,
     follow_together,
@@ -65,6 +66,31 @@ def test_polynomials_of_all_degrees_and_time_scales_turn_together_as_they_do_alo
         assert count_rhp(together[6]).count is None and count_rhp(together[8]).count == 0
 
 
+@pytest.mark.parametrize("dead_times", [1, 2])
+def test_retarded_and_neutral_equations_of_all_degrees_turn_together_as_they_do_alone(dead_times):
+    rng = np.random.default_rng(dead_times)
+    together = []
+    for degree in rng.integers(1, 9, 40):
+        q = np.poly(-(10 ** rng.uniform(-1, 1, degree)))
+        sizes = rng.integers(1, degree + 2, dead_times)
+        late = [0.4 * q[-size:] * rng.uniform(-1, 1, size) for size in sizes]
+        delays = 10 ** rng.uniform(-2, 1, dead_times)
+        together.append(QuasiPolynomial(q, more=tuple(map(Term, late, delays.tolist()))))
+    assert any(p.neutral_ratio for p in together)
+    follow_together(together)
+    assert all("argument_change" in vars(p) for p in together)
+    for p in together:
+        alone = QuasiPolynomial(p.q, more=p.delayed).argument_change.angle
+        assert p.argument_change.angle == pytest.approx(alone, abs=1e-9)
+
+
+def test_a_chain_of_unstable_roots_is_not_followed_beside_an_equation_of_higher_degree():
+    chain = QuasiPolynomial([1.0, 1.0], [2.0, 1.0], 1.0)
+    retarded = QuasiPolynomial([1.0, 3.0, 3.0, 1.0], [0.1], 1.0)
+    follow_together([chain, retarded])
+    assert "argument_change" in vars(retarded) and "argument_change" not in vars(chain)
+
+
 def test_a_root_on_the_axis_within_rounding_is_left_open():
     # (s² + 4)(s + 1), once exact and once moved by less than rounding.
     p = np.array([[1.0, 1.0], [1.0, 1.0 + 1e-15], [4.0, 4.0], [4.0, 4.0]])
@@ -116,14 +142,8 @@ def test_counts_with_one_and_two_dead_times_are_those_of_each_alone():
         counts = rhp_counts(terms[:kept], scale)
         for k in range(0, count, 3):
             few = [(term.q[:, k], float(term.delay[k % term.delay.size])) for term in terms[1:kept]]
-            p = QuasiPolynomial(q[:, k], scale=scale[:, k], more=tuple(map(_term, few)))
+            p = QuasiPolynomial(q[:, k], scale=scale[:, k], more=tuple(Term(*each) for each in few))
             assert counts[k] == count_rhp(p).count
-
-
-def _term(pair):
-    from nrdob.numerics import Term
-
-    return Term(*pair)
 
 
 def test_values_products_and_slopes_are_those_of_numpy():
