@@ -103,9 +103,9 @@ def first_of(parts: Parts) -> Callable[[Case, Any], str]:
     return lambda case, got: next(filter(None, parts(case, got).values()), "")
 
 
-def reading(readings: Callable[[Case], Mapping[str, Any]], name: str) -> Callable[[Case], Any]:
-    """Answer as one of the readings of a case, right and wrong, that are known by their names."""
-    return lambda case: readings(case)[name]
+def reading(readings: Callable[[Case], Mapping[str, Any]], *names: str) -> Misconception:
+    """Make a misconception that leads to one of the readings of a case with these names."""
+    return any_of(lambda case: [readings(case)[name] for name in names])
 
 
 class Lack(str):
