@@ -16,17 +16,7 @@ from nrdob.diagram import LowPassFilter
 from nrdob.loop import NRDOB
 from nrdob.numerics import ComplexArray, FloatArray, QuasiPolynomial
 
-from .cases import (
-    LoopCase,
-    UnstablePlant,
-    alike,
-    factored,
-    mirrored,
-    not_around,
-    observer_stable,
-    on_the_right,
-    s,
-)
+from .cases import LoopCase, UnstablePlant, alike, factored, mirrored, not_around, on_the_right, s
 from .comparing import same, unlike
 from .drawing import apart, draw, either_sign, few, first_fitting, kept
 from .problems import Lack, Misconception, first_of, lacking, lacks_of, pose, reading
@@ -64,7 +54,7 @@ def _roots_case(rng: np.random.Generator) -> RootsCase:
         return (
             low <= _turns(case) <= high
             and apart(_turns(case), *(wrong(case) for wrong in TURN_MISTAKES.values()))
-            and observer_stable(loop.process, loop.model, loop.filter) is not None
+            and loop.stability().observer_loop.stable is not None
         )
 
     def drawn() -> tuple[RootsCase, NRDOB]:

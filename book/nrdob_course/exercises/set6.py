@@ -416,8 +416,7 @@ def _quiet(case: QuietCase, value: float) -> str:
 QUIETEST = pose(
     "6.2",
     alike=partial(near, tolerance=READING),
-    case=_project,
-    makes=_quiet_case,
+    case=lambda rng: _quiet_case(_project(rng)),
     reads=number,
     lacks=_quiet,
     own=True,
