@@ -247,9 +247,9 @@ def controller_of(case: Project) -> ct.TransferFunction:
     return design_controller(mirrored_model(case), bandwidth=case.pole, phase_margin=60)
 
 
-def loop_of(case: Project, speed: float, order: int = ORDER) -> NRDOB:
+def loop_of(case: Project, speed: float) -> NRDOB:
     """Make the loop with the mirrored model and λ = speed/pole."""
-    filter = LowPassFilter(speed / case.pole, order)
+    filter = LowPassFilter(speed / case.pole, ORDER)
     return NRDOB(case.plant, mirrored_model(case), controller_of(case), filter)
 
 
