@@ -24,6 +24,7 @@ from .signals import (
     ORDERS,
     STOPPED,
     Values,
+    counted,
     every,
     is_stable,
     many_loops,
@@ -54,26 +55,21 @@ def _worst(measure: Callable[[NRDOB], float]) -> list[float]:
 @SECTION.check("eq05.T_R")
 def _tracking_at_low_frequency() -> Finding:
     v = Values.random(5)
-    wanted = v.CGm / (1 + v.CGm)
-    factor = v.map("T_R") / wanted
+    factor = v.map("T_R") * (1 + v.CGm) / v.CGm
+    off = (1 - v.F) * v.H / (1 + v.FH)
 
     def compared(loop: NRDOB, s: ComplexArray) -> ComplexArray:
         return np.asarray(loop.T_R(s) * (1 + loop.CGm(s)) / loop.CGm(s))
 
-    def farthest(loop: NRDOB) -> float:
-        size = np.abs(compared(loop, _low_band(loop)))
-        return float(size[np.abs(size - 1).argmax()])
-
-    worst = _worst(farthest)
+    sizes = [np.abs(compared(loop, _low_band(loop))) for loop in map(example, EXAMPLES)]
+    worst = [size[np.abs(size - 1).argmax()] for size in sizes]
     return Finding(
         every(abs(value - 1) <= NEAR for value in worst),
         f"the factor between the two reaches {numbers(worst)} on [0, ω_B] in Examples 1 to 4",
         ABOUT,
         conditions={
             "the first factor is (1 + H)/(1 + FH)": same(factor, (1 + v.H) / (1 + v.FH)),
-            "it differs from 1 by (1 − F)H/(1 + FH)": same(
-                factor - 1, (1 - v.F) * v.H / (1 + v.FH)
-            ),
+            "it differs from 1 by (1 − F)H/(1 + FH)": same(factor - 1, off),
             "it tends to 1 with s": every(
                 same(compared(loop, np.array([1e-7j])), 1, rtol=1e-4) for loop in many_loops()
             ),
@@ -105,18 +101,16 @@ def _output_disturbance_at_low_frequency() -> Finding:
 @SECTION.check("eq05.S_eta")
 def _noise_at_low_frequency() -> Finding:
     v = Values.random(5)
-    loops = many_loops()
     distance = _worst(lambda loop: float(np.abs(np.abs(loop.S_eta(_low_band(loop))) + 1).min()))
-    at_zero = [loop.S_eta.dc_gain for loop in loops]
+    at_zero = [abs(loop.S_eta.dc_gain + 1) < EXACT for loop in many_loops()]
     lost = _at(1 / (_s + 1), 1 / _s, LowPassFilter(0.5, 1), "S_eta", 1e-8)
     return Finding(
         every(value <= NEAR for value in distance),
         f"|S_η| stays at least {number(min(distance), 4)} away from −1, but S_η(0) is −1 in "
-        f"{sum(abs(value + 1) < EXACT for value in at_zero)} of {len(loops)} loops; with "
-        f"G(0)/Gm(0) = 0, for one, {number(lost.real, 4)}",
+        f"{counted(at_zero)} loops; with G(0)/Gm(0) = 0, for one, {number(lost.real, 4)}",
         ABOUT,
         conditions={
-            "S_η(0) = −1": every(abs(value + 1) < EXACT for value in at_zero),
+            "S_η(0) = −1": every(at_zero),
             "S_η + 1 = S_d": same(v.map("S_eta") + 1, v.map("S_d")),
             "S_η(0) is another value with G(0)/Gm(0) = 0": abs(lost + 1) > NEAR,
         },
@@ -135,13 +129,11 @@ def _input_disturbance_at_low_frequency() -> Finding:
     worst = _worst(lambda loop: float(np.abs(loop.S_delta(_low_band(loop))).max()))
     integrators = _at(1 / _s, 1 / _s, LowPassFilter(0.5, 2), "S_delta", 1e-6)
     plant_only = NRDOB(1 / _s, 1 / (_s + 0.1), 2.0, LowPassFilter(0.05, 1))
-    loops = [*many_loops(), plant_only]
-
-    def slope(loop: NRDOB) -> bool:
-        s = np.array([1e-6j])
-        expected = loop.filter.order * loop.filter.time_constant * loop.Gm.dc_gain
-        return same(loop.S_delta(s) / s, expected, rtol=1e-2)
-
+    slopes = [
+        same(loop.S_delta(1e-6j) / 1e-6j, F.order * F.time_constant * loop.Gm.dc_gain, rtol=1e-2)
+        for loop in [*many_loops(), plant_only]
+        if (F := loop.filter)
+    ]
     return Finding(
         every(value <= NEAR for value in worst) and abs(integrators) <= NEAR,
         f"|S_δ| reaches {numbers(worst)} on [0, ω_B] in Examples 1 to 4; for G = Gm = 1/s, "
@@ -149,7 +141,7 @@ def _input_disturbance_at_low_frequency() -> Finding:
         ABOUT,
         conditions={
             "S_δ = G S_d": same(v.map("S_delta"), v.G * v.map("S_d")),
-            "the slope of S_δ at s = 0 is nλGm(0)": every(slope(loop) for loop in loops),
+            "the slope of S_δ at s = 0 is nλGm(0)": every(slopes),
             "the loop with an integrator in the plant only is stable": is_stable(plant_only),
             "S_δ tends to nλ for G = Gm = 1/s": abs(integrators - 2 * 0.5) < 1e-4,
         },
@@ -167,6 +159,10 @@ def _biproper() -> tuple[NRDOB, bool, str]:
     return loop, stable, said
 
 
+Ratio = Callable[[Values, ComplexArray], ComplexArray]
+Exactly = Callable[[Values], ComplexArray]
+
+
 def _high_band(loop: NRDOB) -> ComplexArray:
     """Points jω from where |F| = 0.01 on."""
     start = sqrt(STOPPED ** (-2 / loop.filter.order) - 1) / loop.filter.time_constant
@@ -178,13 +174,7 @@ def _dying() -> list[NRDOB]:
     return [loop for loop in many_loops() if max(map(abs, loop.FH.at_infinity)) < EXACT]
 
 
-def _approach(
-    name: str,
-    what: str,
-    form: str,
-    ratio: Callable[[Values, ComplexArray], ComplexArray],
-    exactly: Callable[[Values], ComplexArray],
-) -> None:
+def _approach(name: str, what: str, form: str, ratio: Ratio, exactly: Exactly) -> None:
     """Enter the check of a map of eq. (6) by its `ratio` to what it should be near, called `what`.
 
     `form` is in words what the ratio is `exactly`, of the four blocks.
@@ -192,33 +182,31 @@ def _approach(
 
     @SECTION.check(f"eq06.{name}")
     def check() -> Finding:
-        def size(loop: NRDOB, s: ComplexArray) -> FloatArray:
+        def size(loop: NRDOB) -> FloatArray:
+            s = _high_band(loop)
             return np.abs(ratio(Values.of(loop, s), getattr(loop, name)(s)))
 
-        def deviation(loop: NRDOB) -> float:
-            off = float(np.abs(size(loop, _high_band(loop)) - 1).max())
+        def deviation(size: FloatArray) -> float:
+            off = float(np.abs(size - 1).max())
             return round(off, 9)  # for the matched example nothing but the last bit
 
-        def end(loop: NRDOB) -> float:
-            return float(size(loop, _high_band(loop)[-1:])[0])
-
         v = Values.random(6)
-        worst = _worst(deviation)
+        worst = _worst(lambda loop: deviation(size(loop)))
         biproper, stable, said = _biproper()
-        limit = abs(1 / (1 + biproper.FH.at_infinity[0]))
+        found, limit = size(biproper), abs(1 / (1 + biproper.FH.at_infinity[0]))
         return Finding(
-            every(value <= NEAR for value in worst) and deviation(biproper) <= NEAR,
+            every(value <= NEAR for value in worst) and deviation(found) <= NEAR,
             f"where |F| ≤ 0.01 {what} is off by at most {numbers(worst)} in Examples 1 to 4; "
-            f"{said} it tends to {number(end(biproper), 4)}",
+            f"{said} it tends to {number(found[-1], 4)}",
             ABOUT,
             conditions={
                 f"{what} is {form}": same(ratio(v, v.map(name)), exactly(v)),
                 "Example 2 with n = 1, λ = 0.02 s is stable": stable,
                 f"there {what} tends to |1/(1 + FH)| at infinity, not to 1": same(
-                    end(biproper), limit, rtol=1e-3
+                    found[-1], limit, rtol=1e-3
                 ),
                 f"{what} tends to 1 if FH is strictly proper": every(
-                    abs(end(loop) - 1) < 1e-3 for loop in _dying()
+                    abs(size(loop)[-1] - 1) < 1e-3 for loop in _dying()
                 ),
             },
         )

@@ -15,7 +15,7 @@ from nrdob.paper import example
 
 from .ledger import Finding
 from .recurring import both, section
-from .signals import counted, every, is_stable
+from .signals import counted, every, is_stable, turned
 
 __all__ = ["REFERENCE_2", "SECTION"]
 
@@ -80,7 +80,7 @@ def _lost_to_a_wrong_delay(error: float) -> bool:
     """Whether 1 + F (exp(−(θ + error)s) − exp(−θs)), n = 3, turns around 0, for λ and θ below."""
     s = 1j * np.linspace(0, 2e4, 200_001)  # far enough for λ = 0.001 s, dense enough for θ = 0.05 s
     values = 1 + LowPassFilter(0.001, 3)(s) * (np.exp(-(0.05 + error) * s) - np.exp(-0.05 * s))
-    return bool(abs(np.angle(values[1:] / values[:-1]).sum()) > np.pi / 2)
+    return abs(turned(values)) > 0.25
 
 
 REFERENCE_2 = (

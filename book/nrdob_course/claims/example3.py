@@ -31,7 +31,7 @@ from .recurring import (
     section,
     variation_finding,
 )
-from .signals import counted, every, is_stable, same
+from .signals import counted, every, is_stable, same, turned
 
 __all__ = ["SECTION"]
 
@@ -247,11 +247,10 @@ def _figure_12() -> Finding:
     loop = example(3)
     part = loop.stability().observer_loop
     omega = 1e4 * np.tan(np.linspace(-1.57, 1.57, 200_001)) / np.tan(1.57)
-    angle = np.unwrap(np.angle(1 + loop.FH(1j * omega)))
-    along = (angle[0] - angle[-1]) / (2 * pi)
+    along = turned(1 + loop.FH(1j * omega))
     return Finding(
-        npz(part) == (-1, 1, 0) and round(float(along), 3) == -1,
-        f"{npz_text(part)}; {number(float(along), 3)} encirclements along the curve",
+        npz(part) == (-1, 1, 0) and round(along, 3) == -1,
+        f"{npz_text(part)}; {number(along, 3)} encirclements along the curve",
     )
 
 

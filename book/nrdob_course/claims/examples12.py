@@ -9,9 +9,9 @@ import control as ct
 import numpy as np
 
 from nrdob.analysis import encirclements, minus_point
-from nrdob.diagram import INPUTS, LowPassFilter, Quotient
+from nrdob.diagram import INPUTS, LowPassFilter
 from nrdob.loop import NRDOB
-from nrdob.numerics import ComplexArray, number
+from nrdob.numerics import number
 from nrdob.paper import example
 from nrdob.uncertain import plant_family, sweep
 
@@ -27,7 +27,7 @@ from .recurring import (
     steps_finding,
     variation_finding,
 )
-from .signals import TO_OUTPUT, is_refused, is_stable, same
+from .signals import TO_OUTPUT, is_refused, is_stable, same, turned
 
 __all__ = ["SECTION"]
 
@@ -45,16 +45,16 @@ def _any_stable_filter() -> Finding:
         ct.tf([3, 0.5, 1], [2, 3, 3, 1]),
     ]
     plant = np.polymul(loop.process.num_array[0, 0], loop.process.den_array[0, 0])
-    holds = True
-    for each in (*filters, *others):
-        tried = replace(loop, filter=each, keep_factors=True)
-        holds &= same(tried.p_B.q, np.polymul(plant, tried.fractions[-1].den), 1e-12)
-        holds &= is_stable(tried)
+    tried = [replace(loop, filter=F, keep_factors=True) for F in (*filters, *others)]
+    holds = all(
+        same(each.p_B.q, np.polymul(plant, each.fractions[-1].den), 1e-12) and is_stable(each)
+        for each in tried
+    )
     refused = [
-        is_refused(loop.process, loop.model, loop.controller, ct.tf(*F))
-        for F in (([-1], [0.1, -1]), ([0.1, 1], [0.2, 1]))
+        is_refused(loop.process, loop.model, loop.controller, F)
+        for F in (ct.tf([-1], [0.1, -1]), ct.tf([0.1, 1], [0.2, 1]))
     ]
-    count = len(filters) + len(others)
+    count = len(tried)
     return Finding(
         holds and all(refused),
         f"p_B = N·D·Df, and stable, for {count if holds else 'not all'} of {count} filters; an "
@@ -65,11 +65,8 @@ def _any_stable_filter() -> Finding:
 @SECTION.check("ex1.causal")
 def _causal() -> Finding:
     first, second = (inverse_degree(filtered(example(1), 0.01, order)) for order in (1, 2))
-    return Finding(
-        second >= 0,
-        f"relative degree of F/Gm: {number(second)} for n = 2"
-        + (f"; {number(first)}, still causal, for n = 1" if first >= 0 else ""),
-    )
+    also = f"; {number(first)}, still causal, for n = 1" if first >= 0 else ""
+    return Finding(second >= 0, f"relative degree of F/Gm: {number(second)} for n = 2{also}")
 
 
 @SECTION.check("fig02")
@@ -147,8 +144,8 @@ def _mismatch_2() -> Finding:
 def _figure_5() -> Finding:
     H = example(2).H
     radius = 1e8
-    line = _turns(H, 1j * radius * np.linspace(-1, 1, 100_001))
-    arc = _turns(H, radius * np.exp(1j * np.linspace(pi / 2, -pi / 2, 1001)))
+    line = turned(1 + H(1j * radius * np.linspace(-1, 1, 100_001)))
+    arc = turned(1 + H(radius * np.exp(1j * np.linspace(pi / 2, -pi / 2, 1001))))
     count = encirclements(H)
     return Finding(
         round(line, 4) == 1,
@@ -159,12 +156,6 @@ def _figure_5() -> Finding:
             "so does the count, P = 0 and Z = 1": npz(count) == (1, 0, 1),
         },
     )
-
-
-def _turns(loop: Quotient, s: ComplexArray) -> float:
-    """Clockwise turns of a map around −1 along a path of s."""
-    angle = np.unwrap(np.angle(1 + loop(s)))
-    return float(angle[0] - angle[-1]) / (2 * pi)
 
 
 @SECTION.check("ex2.slow")

@@ -48,34 +48,24 @@ def _reference_to_error() -> Finding:
     finding = printed_map("E_R")
     v = Values.random(7)
     collapses = same(PRINTED_MAPS["E_R"](v), 1 / (1 + v.CGm))
-    return replace(
-        finding,
-        as_printed=finding.as_printed and collapses,
-        computed=f"{finding.computed}; both are "
-        f"{'' if collapses else 'not '}1/(1 + C Gm), free of F and of the process",
-    )
+    words = f"both are {'' if collapses else 'not '}1/(1 + C Gm), free of F and of the process"
+    return Finding(finding.as_printed and collapses, f"{finding.computed}; {words}", TOLERANCE)
 
 
 @SECTION.check("eq07.E_zero")
 def _the_error_sees_no_disturbance() -> Finding:
     v = Values.random(7)
     solved = [v.solve(delta=1.0), v.solve(d=1.0), v.solve(eta=1.0)]
-    zero = np.array([np.abs(x.e) < EXACT * (np.abs(x.u) + np.abs(x.y)) for x in solved])
-    return Finding(
-        every(zero.ravel()),
-        f"e is 0 against u and y in {zero.sum()} of {zero.size} random solutions of the diagram",
-        TOLERANCE,
-    )
+    zero = np.ravel([np.abs(x.e) < EXACT * (np.abs(x.u) + np.abs(x.y)) for x in solved])
+    words = f"e is 0 against u and y in {counted(zero)} random solutions of the diagram"
+    return Finding(every(zero), words, TOLERANCE)
 
 
 @SECTION.check("eq07.U_d")
 def _output_disturbance_to_control() -> Finding:
     by_d, by_eta = printed_map("U_d"), printed_map("U_eta")
-    return replace(
-        by_d,
-        as_printed=by_d.as_printed and by_eta.as_printed,
-        computed=f"d: {by_d.computed}; η: {by_eta.computed}",
-    )
+    words = f"d: {by_d.computed}; η: {by_eta.computed}"
+    return Finding(by_d.as_printed and by_eta.as_printed, words, TOLERANCE)
 
 
 @SECTION.check("eq07.U_delta")
@@ -87,8 +77,8 @@ def _input_disturbance_to_control() -> Finding:
     plant_input = np.isclose(printed, u + 1, rtol=EXACT, atol=0)
     return Finding(
         every(agree),
-        f"the printed formula is u in {agree.sum()} and u + δ in {plant_input.sum()} of "
-        f"{QUADRUPLES} random solutions of the diagram",
+        f"the printed formula is u in {agree.sum()} and u + δ in {counted(plant_input)} random "
+        "solutions of the diagram",
         TOLERANCE,
         conditions={
             "the printed formula is (U + δ)/δ": every(plant_input),
@@ -104,18 +94,13 @@ def _input_disturbance_to_control() -> Finding:
 @SECTION.check("lemma1.polynomials")
 def _rational_functions_not_polynomials() -> Finding:
     loops = many_loops()
-    near, far = np.array([3.0 + 0j]), np.array([1e9 + 0j])
-    grows, starts, ends = [], [], []
-    for loop in loops:
-        here, there = Values.of(loop, near), Values.of(loop, far)
-        starts.append(abs(1 + here.CGm[0]))
-        ends.append(abs(1 + there.CGm[0]))
-        pairs = (starts[-1], ends[-1]), (abs(here.B[0]), abs(there.B[0]))
-        grows += [same(size, later) or later > 1e6 * size for size, later in pairs]
+    at = [Values.of(loop, np.array([3.0 + 0j, 1e9 + 0j])) for loop in loops]
+    A, B = (np.abs(sizes) for sizes in ([1 + v.CGm for v in at], [v.B for v in at]))
+    grows = [same(size, later) or later > 1e6 * size for size, later in (*A, *B)]
     return Finding(
         every(grows),
-        f"Examples 1 to 4: from s = 3 to 10⁹ the size of A goes from {numbers(starts[:4])} to "
-        f"{numbers(np.round(ends[:4], 6))}; {counted(grows)} functions A and B of "
+        f"Examples 1 to 4: from s = 3 to 10⁹ the size of A goes from {numbers(A[:4, 0])} to "
+        f"{numbers(np.round(A[:4, 1], 6))}; {counted(grows)} functions A and B of "
         f"{len(loops)} loops are constant or grow, as a polynomial must",
         conditions={
             "A = p_A/(Dm Dc), 1 + FH = p_B/(D Nm Df), and the diagram has their product": every(
@@ -186,14 +171,13 @@ def _vanishes_at_roots(loop: NRDOB) -> bool:
 @SECTION.check("lemma1.H_forms")
 def _three_forms_of_h() -> Finding:
     rng = np.random.default_rng(7)
-    loops = many_loops()
     v = Values.random(rng)
-    pairs = [(loop, random_points(rng)) for loop in loops]
+    pairs = [(loop, random_points(rng)) for loop in many_loops()]
     agree = [_h_forms_agree(Values.of(loop, s), loop.H(s)) for loop, s in pairs]
     return Finding(
         _h_forms_agree(v, v.H) and every(agree),
         f"the three forms agree for {QUADRUPLES} random values of the blocks and, with the "
-        f"package's H, for {sum(agree)} of {len(loops)} loops",
+        f"package's H, for {counted(agree)} loops",
         TOLERANCE,
     )
 
@@ -210,13 +194,10 @@ def _what_lemma_1_does_not_see() -> Finding:
     unstable = 4 / (2 - _s - _s**2)
     in_b = NRDOB(unstable, unstable, -2.0, LowPassFilter(0.05, 2))
     in_a = NRDOB(-1 / (_s + 1), 1 / (_s - 1), (_s - 1) / (_s * (_s + 3)), LowPassFilter(2.0, 1))
-    seen, true = [], []
-    for loop in (in_b, in_a):
-        # Zeros of 1 + L after everything that cancels in L is gone.
-        parts = [part.to_tf() for part in (loop.CGm, loop.FH)]
-        zeros = [np.roots(np.polyadd(tf.num_array[0, 0], tf.den_array[0, 0])) for tf in parts]
-        seen.append(float(np.concatenate(zeros).real.max()))
-        true.append(float(loop_modes(loop).real.max()))
+    # Zeros of 1 + L after everything that cancels in L is gone.
+    parts = [[ct.feedback(1, part.to_tf()) for part in (x.CGm, x.FH)] for x in (in_b, in_a)]
+    seen = [np.concatenate([part.poles() for part in pair]).real.max() for pair in parts]
+    true = [loop_modes(loop).real.max() for loop in (in_b, in_a)]
     loops = random_loops(60)
     stable = np.array([loop_modes(loop).real.max() < 0 for loop in loops])
     hurwitz = np.array([in_right_half(x.p_A.q) + in_right_half(x.p_B.q) == 0 for x in loops])

@@ -21,7 +21,7 @@ from nrdob.paper import PRINTED, PRINTED_FUNCTIONS, Printed, example
 from nrdob.plotting import complex_number, frequency, spoken
 
 from .ledger import Finding, Section
-from .signals import printed_map
+from .signals import TO_OUTPUT, printed_map
 
 __all__ = [
     "OMEGA", "border", "both", "filtered", "inverse_degree", "map_text",
@@ -199,12 +199,6 @@ def response(loop: NRDOB, input: str) -> tuple[float, float]:
     return float(closely(int(y.argmin())).min()), float(closely(int(y.argmax())).max())
 
 
-def to_y(loop: NRDOB, input: str) -> Quotient:
-    """Give the map from an input to the output y."""
-    quotient: Quotient = getattr(loop, INPUTS[input].to_y)
-    return quotient
-
-
 def comes_to_rest(loop: NRDOB) -> bool:
     """Whether the four responses end at 1, 0, 0 and −1, by the maps at s = 0 and by simulation."""
 
@@ -213,7 +207,8 @@ def comes_to_rest(loop: NRDOB) -> bool:
         return float(loop.step_response(input, [0.0, late]).outputs[0, 0, -1])
 
     return all(
-        abs(to_y(loop, input).dc_gain - final) < 1e-9 and abs(at_the_end(input) - final) < 1e-3
+        abs(getattr(loop, INPUTS[input].to_y).dc_gain - final) < 1e-9
+        and abs(at_the_end(input) - final) < 1e-3
         for input, final in _FINAL.items()
     )
 
@@ -225,7 +220,7 @@ def steps_finding(loop: NRDOB) -> Finding:
         f"{number(max(response(loop, input), key=abs), 4)}"
         for input, name in INPUTS.items()
     )
-    finals = ", ".join(number(to_y(loop, input).dc_gain, 4) for input in INPUTS)
+    finals = ", ".join(number(getattr(loop, name).dc_gain, 4) for name in TO_OUTPUT)
     verdict = loop.stability()
     stable = "stable" if verdict.stable else f"not known to be stable: {verdict.reason}"
     return Finding(

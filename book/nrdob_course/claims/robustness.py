@@ -18,17 +18,7 @@ from nrdob.sampling import random_block
 
 from .ledger import Finding
 from .recurring import both, section
-from .signals import (
-    counted,
-    critical_gain,
-    every,
-    in_right_half,
-    is_stable,
-    loop_modes,
-    modes,
-    numbers,
-    same,
-)
+from .signals import counted, critical_gain, every, in_right_half, is_stable, modes, numbers, same
 
 __all__ = ["SECTION"]
 
@@ -118,7 +108,7 @@ def _perfect_models() -> Finding:
         loop = NRDOB(G, G, C, F)
         if in_right_half(num) or in_right_half(den) or in_right_half(loop.p_A.q) or loop.ill_posed:
             continue
-        stable.append(bool(loop_modes(loop).real.max() < 0))
+        stable.append(bool(modes(*loop.fractions).real.max() < 0))
         factored.append(same(loop.p_B.q, np.convolve(np.convolve(num, den), F.den)))
     return Finding(
         every(stable) and every(factored),

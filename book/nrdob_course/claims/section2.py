@@ -93,11 +93,11 @@ def _conventional_observer_and_noise() -> Finding:
 @SECTION.check("fig01")
 def _one_diagram() -> Finding:
     v = Values.random(1)
-    agreeing = [name for name, formula in PRINTED_MAPS.items() if same(formula(v), v.map(name))]
+    agreeing = [same(formula(v), v.map(name)) for name, formula in PRINTED_MAPS.items()]
     return Finding(
-        len(agreeing) == len(PRINTED_MAPS) > 0,
-        f"{len(agreeing)} of {len(PRINTED_MAPS)} printed maps are those of the diagram, each for "
-        f"{QUADRUPLES} random values of the four blocks",
+        every(agreeing),
+        f"{counted(agreeing)} printed maps are those of the diagram, each for {QUADRUPLES} random "
+        "values of the four blocks",
         TOLERANCE,
     )
 
@@ -193,9 +193,5 @@ def _output_is_the_sum_of_four() -> Finding:
         s, given = random_points(rng), Values.random(rng, 4)
         total = sum(getattr(loop, name)(s) * x for name, x in zip(TO_OUTPUT, given, strict=True))
         by_package.append(same(Values.of(loop, s).solve(*given).y, total))
-    return Finding(
-        every(agree) and every(by_package),
-        f"{agree.sum()} of {QUADRUPLES} random values of blocks and inputs agree, and "
-        f"{counted(by_package)} loops",
-        TOLERANCE,
-    )
+    words = f"{counted(agree)} random values of blocks and inputs agree, and {counted(by_package)}"
+    return Finding(every(agree) and every(by_package), f"{words} loops", TOLERANCE)

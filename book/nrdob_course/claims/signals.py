@@ -18,7 +18,7 @@ from scipy.linalg import block_diag
 from scipy.optimize import brentq
 
 from nrdob import paper
-from nrdob.diagram import Fraction, Quotient
+from nrdob.diagram import INPUTS, Fraction, Quotient
 from nrdob.loop import NRDOB
 from nrdob.numerics import ComplexArray, FloatArray, number
 from nrdob.sampling import random_loop
@@ -29,7 +29,8 @@ __all__ = [
     "ABOUT", "EXACT", "NEAR", "ORDERS", "PRINTED_MAPS", "QUADRUPLES", "STOPPED", "TOLERANCE",
     "TO_OUTPUT", "Values", "counted", "critical_gain", "every", "in_right_half", "is_refused",
     "is_stable", "loop_modes", "many_loops", "modes", "n_p", "numbers", "printed_map",
-    "random_loops", "random_points", "rightmost", "same", "turns", "turns_around_minus_one",
+    "random_loops", "random_points", "rightmost", "same", "turned", "turns",
+    "turns_around_minus_one",
 ]  # fmt: skip
 
 EXACT = 1e-8  # relative difference up to which two ways to compute one number agree
@@ -43,16 +44,7 @@ AXIS = 1e-7  # how far to the right of the imaginary axis a curve is followed, r
 QUADRUPLES = 100  # how many random values of the four blocks a formula is tried on
 
 
-MAPS = {
-    "T_R": ("R", "y"), "S_d": ("d", "y"), "S_delta": ("delta", "y"), "S_eta": ("eta", "y"),
-    "E_R": ("R", "e"), "U_R": ("R", "u"), "U_d": ("d", "u"), "U_eta": ("eta", "u"),
-}  # fmt: skip
-"""Input and output of each map; that of δ to the plant input, U_delta, is u + δ.
-
-:meta hide-value:
-"""
-
-TO_OUTPUT = tuple(name for name, (_, signal) in MAPS.items() if signal == "y")
+TO_OUTPUT = tuple(input.to_y for input in INPUTS.values())
 """The maps of eq. (4), to y."""
 
 
@@ -132,12 +124,13 @@ class Values(NamedTuple):
         return Signals(*np.moveaxis(found, -1, 0))
 
     def map(self, name: str, *, conventional: bool = False) -> ComplexArray:
-        """Value of one closed-loop map, by a unit input at one place and nothing elsewhere."""
-        if name == "U_delta":
-            return self.solve(delta=1.0, conventional=conventional).u + 1.0
-        source, signal = MAPS[name]
-        found = self.solve(**{source: 1.0}, conventional=conventional)
-        return np.asarray(getattr(found, signal))
+        """Value of one closed-loop map, by a unit input at one place and nothing elsewhere.
+
+        That of δ to the plant input, U_delta, is u + δ.
+        """
+        letter, _, source = name.partition("_")
+        e, u, y = self.solve(**{source: 1.0}, conventional=conventional)
+        return {"E": e, "U": u + 1.0 if source == "delta" else u, "T": y, "S": y}[letter]
 
 
 PRINTED_MAPS: dict[str, Callable[[Values], ComplexArray]] = {
@@ -240,6 +233,12 @@ def _state_space(block: Fraction) -> tuple[FloatArray, ...]:
     A = np.vstack([-den[1:], np.eye(order)[:-1]]) if order else np.zeros((0, 0))
     c = (num[1:] - num[0] * den[1:])[None]
     return A, np.eye(order)[:, :1].reshape(order, 1), c, num[:1][None]
+
+
+def turned(values: ComplexArray) -> float:
+    """Clockwise turns around 0 along a curve, of which each step is less than half a turn."""
+    angle = np.unwrap(np.angle(values))
+    return float(angle[0] - angle[-1]) / (2 * np.pi)
 
 
 def turns(values_at: Callable[[ComplexArray], ComplexArray], excess: int = 0) -> int:

@@ -10,7 +10,7 @@ import control as ct
 import numpy as np
 
 from nrdob.analysis import judge_observer
-from nrdob.diagram import DelayedTransferFunction
+from nrdob.diagram import undelayed
 from nrdob.loop import NRDOB
 from nrdob.numerics import ComplexArray, FloatArray, number
 from nrdob.plants import lags
@@ -109,30 +109,27 @@ def factored(block: Any) -> str:
 
     Examples
     --------
-    >>> import control as ct
+    >>> from nrdob import delay
     >>> factored(ct.tf([4], [-1, -1, 2]))
     '−4/((s − 1)(s + 2))'
-    >>> factored(DelayedTransferFunction(ct.tf([2, 2], [1, 2, 5, 0]), 0.5))
+    >>> factored(delay(0.5) * ct.tf([2, 2], [1, 2, 5, 0]))
     'exp(−0.5s) 2(s + 1)/(s(s² + 2s + 5))'
     """
-    late = f"exp(−{number(block.delay, 4)}s) " if isinstance(block, DelayedTransferFunction) else ""
-    tf = block.tf if isinstance(block, DelayedTransferFunction) else block
+    tf, dead_time = undelayed(block)
     num, den = tf.num_array[0, 0], tf.den_array[0, 0]
+    late = f"exp(−{number(dead_time, 4)}s) " if dead_time else ""
     gain = number(num[0] / den[0], 4)
-    above, below = ("".join(_factors(polynomial)) for polynomial in (num, den))
+    above, below = "".join(_factors(num)), _factors(den)
     if above:
         gain = {"1": "", "−1": "−"}.get(gain, gain)
-    if below and len(_factors(den)) > 1:
-        below = f"({below})"
-    return late + gain + above + (f"/{below}" if below else "")
+    under = "".join(below) if len(below) < 2 else f"({''.join(below)})"
+    return late + gain + above + (f"/{under}" if under else "")
 
 
 def _factors(polynomial: FloatArray) -> list[str]:
     """Write a factor for each real root and each pair of conjugate ones."""
-    found = []
-    for root in sorted(
-        np.roots(polynomial).astype(complex), key=lambda z: (round(abs(z), 9), z.real)
-    ):
+    found, roots = [], np.roots(polynomial).astype(complex)
+    for root in sorted(roots, key=lambda z: (round(abs(z), 9), z.real)):
         if abs(root.imag) <= 1e-6 * abs(root):
             found.append("s" if root == 0 else f"(s{_term(-root.real)})")
         elif root.imag > 0:

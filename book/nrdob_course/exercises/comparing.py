@@ -32,9 +32,8 @@ def same(expected: Any, got: Any, rtol: float = FOUR_DIGITS) -> bool:
     >>> same(1, True)
     False
     """
-    if isinstance(expected, bool | np.bool_) or isinstance(got, bool | np.bool_):
-        both = isinstance(expected, bool | np.bool_) and isinstance(got, bool | np.bool_)
-        return both and bool(expected) == bool(got)
+    if isinstance(expected, bool | np.bool_) != isinstance(got, bool | np.bool_):
+        return False
     if isinstance(expected, str) or isinstance(got, str) or expected is None or got is None:
         return type(expected) is type(got) and bool(expected == got)
     try:

@@ -103,9 +103,9 @@ def first_of(parts: Parts) -> Callable[[Case, Any], str]:
     return lambda case, got: next(filter(None, parts(case, got).values()), "")
 
 
-def reading(readings: Callable[[Case], Mapping[str, Any]], name: str) -> Callable[[Case], Any]:
-    """Answer as one of the readings of a case, right and wrong, that are known by their names."""
-    return lambda case: readings(case)[name]
+def reading(readings: Callable[[Case], Mapping[str, Any]], *names: str) -> Misconception:
+    """Make a misconception that leads to one of the readings of a case with these names."""
+    return any_of(lambda case: [readings(case)[name] for name in names])
 
 
 class Lack(str):
@@ -209,8 +209,6 @@ class Problem:
     parts : callable, optional
         Tells what each of several independent parts of an answer lacks, by its name. An answer
         earns the share of the parts that lack nothing in any case.
-    makes : callable
-        Makes of what is drawn the case that is posed, the same of the same.
     drawn_as : str
         The name under which cases are drawn, if several problems share them; else their own.
     """
@@ -225,7 +223,6 @@ class Problem:
     reads: Callable[[Any], Any] = as_given
     rounded: Callable[[Case, Any], bool] | None = None
     parts: Parts | None = None
-    makes: Callable[[Any], Case] = as_given
     drawn_as: str = ""
 
     def cases(self, seed: Any, count: int) -> list[Case]:
@@ -257,7 +254,7 @@ class Problem:
         rng, cases = _begun(kinds, start)
         while len(cases) < count:
             cases.append(kinds[(start + len(cases)) % len(kinds)](rng))
-        return [self.makes(case) for case in cases[:count]]
+        return cases[:count]
 
 
 @lru_cache(maxsize=2048)

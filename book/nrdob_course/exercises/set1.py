@@ -325,8 +325,8 @@ def _gain_lacks(case: SensitivityCase, got: float) -> str:
     slope = case.order * case.time_constant * case.model_gain / got
     if near(float(case.S_d[0]), slope * case.omega[0], READ_OFF):
         return ""
-    words = "compare that with your figure, at its left end"
-    return f"with this gain |S_d| would begin as {slope:.3g} ω; {words}"
+    begins = f"with this gain |S_d| would begin as {slope:.3g} ω"
+    return f"{begins}; compare that with your figure, at its left end"
 
 
 READING = pose(
@@ -342,7 +342,9 @@ READING = pose(
         "order forgotten": reading(gain_readings, "order"),
         "ratio only": reading(gain_readings, "ratio"),
         "hertz for rad/s": reading(gain_readings, "hertz"),
-        "decibels": put_right(reading(gain_readings, "decibels"), lambda got: 10 ** (got / 20)),
+        "decibels": put_right(
+            lambda case: gain_readings(case)["decibels"], lambda got: 10 ** (got / 20)
+        ),
     },
 )
 
@@ -362,7 +364,7 @@ class TwinCase(LoopCase):
 def _twin_case(rng: np.random.Generator) -> TwinCase:
     order, gain = int(rng.integers(2, 4)), draw(rng, 0.5, 5)
     poles = [draw(rng, 0.5, 2), draw(rng, 2.5, 8)]
-    moved = [p * float(rng.uniform(1.1, 1.4)) for p in poles]
+    moved = [p * rng.uniform(1.1, 1.4) for p in poles]
     model, plant = (ct.tf([gain * p * q], np.poly([-p, -q])) for p, q in (poles, moved))
     return TwinCase(NRDOB(plant, model, 0.5 / gain, LowPassFilter(draw(rng, 0.05, 0.3), order)))
 
@@ -503,7 +505,7 @@ def _wish_case(rng: np.random.Generator) -> WishCase:
     order = 4 - len(num)  # an additional lag, beyond causality
     # The slowest filter that rejects enough has λ ω_d just above 0.1/n; a fifth less is allowed.
     fastest = LowPassFilter(0.8 * REJECTION / order / omega_d, order)
-    omega_hum = few(omega_d * float(rng.uniform(60, 120)))
+    omega_hum = few(omega_d * rng.uniform(60, 120))
     return WishCase(plant, omega_d, omega_hum, few(abs(fastest(1j * omega_hum))))
 
 

@@ -12,24 +12,14 @@ import numpy as np
 
 from nrdob.analysis import judge, resolved_frequencies
 from nrdob.design import right_half_plane_parity, stabilizing_time_constants
-from nrdob.diagram import LowPassFilter, Quotient
+from nrdob.diagram import LowPassFilter
 from nrdob.loop import NRDOB
 from nrdob.numerics import ComplexArray, FloatArray, QuasiPolynomial
 
-from .cases import (
-    LoopCase,
-    UnstablePlant,
-    alike,
-    factored,
-    mirrored,
-    not_around,
-    observer_stable,
-    on_the_right,
-    s,
-)
+from .cases import LoopCase, UnstablePlant, alike, factored, mirrored, not_around, on_the_right, s
 from .comparing import same, unlike
 from .drawing import apart, draw, either_sign, few, first_fitting, kept
-from .problems import Lack, Misconception, any_of, first_of, lacking, lacks_of, pose, reading
+from .problems import Lack, Misconception, first_of, lacking, lacks_of, pose, reading
 from .reading import number as one_number
 from .reading import numbers
 
@@ -64,7 +54,7 @@ def _roots_case(rng: np.random.Generator) -> RootsCase:
         return (
             low <= _turns(case) <= high
             and apart(_turns(case), *(wrong(case) for wrong in TURN_MISTAKES.values()))
-            and observer_stable(loop.process, loop.model, loop.filter) is not None
+            and loop.stability().observer_loop.stable is not None
         )
 
     def drawn() -> tuple[RootsCase, NRDOB]:
@@ -167,11 +157,8 @@ def _draw_plot(rng: np.random.Generator, wanted: int) -> PlotCase:
         model = 1 / ((s - hidden) * (s + lag))
     else:
         model = (s - hidden) / ((s + lag) * (s + other))
-    ratio = g * above / below
-    num = np.polymul(ratio.num_array[0, 0], model.num_array[0, 0])
-    den = np.polymul(ratio.den_array[0, 0], model.den_array[0, 0])
     filter = LowPassFilter(draw(rng, 0.05, 2), 3 if wanted == 2 else 2)
-    return PlotCase(NRDOB(ct.tf(num, den), model, 0, filter))
+    return PlotCase(NRDOB(g * above / below * model, model, 0, filter))
 
 
 def _readable(case: PlotCase, wanted: int) -> bool:
@@ -353,10 +340,8 @@ CLOSING = pose(
         ),
         "angles that jump": reading(_readings, "jumps"),
         # Before the curve left open: half a turn apart, one may be rounded to the other.
-        "one of the two closing pieces forgotten": any_of(
-            lambda case: [
-                _readings(case)[f"{piece} missing"] for piece in ("half circle", "detour")
-            ]
+        "one of the two closing pieces forgotten": reading(
+            _readings, "half circle missing", "detour missing"
         ),
         "the curve left open": reading(_readings, "axis only"),
         "counter-clockwise counted as positive": lambda case: -_closed(case),
@@ -374,20 +359,12 @@ def _unstable_plant(rng: np.random.Generator) -> UnstablePlant:
     return UnstablePlant(draw(rng, 0.5, 5), pole, few(pole * rng.uniform(1.5, 4)))
 
 
-def _visible(open_loop: Quotient) -> ComplexArray:
-    """Unstable zeros of 1 + L after cancellation: what Lemma 1 read literally looks at."""
-    if not open_loop.numerator.q.any():
-        return np.empty(0, dtype=complex)
-    tf = open_loop.to_tf()
-    roots = np.roots(np.polyadd(tf.num_array[0, 0], tf.den_array[0, 0]))
-    return np.asarray(roots[roots.real >= 0], dtype=complex)
-
-
 def _not_refuting(case: UnstablePlant, got: Any) -> str:
     if lack := not_around(case.process, got):
         return lack
+    # After cancellation: what Lemma 1 read literally looks at.
     for kind, term, open_loop in (("A", "C Gm", got.CGm), ("B", "FH", got.FH)):
-        if _visible(open_loop).size:
+        if np.any(ct.feedback(1, open_loop.to_tf()).poles().real >= 0):
             words = "has an unstable zero, so the lemma does not call this loop stable"
             return Lack(kind, f"1 + {term} {words}")
     verdict = got.stability().stable

@@ -82,7 +82,7 @@ def _as_factors(got: FloatArray) -> FloatArray:
 
 PROMISE = pose(
     "3.1",
-    case=lambda rng: PeakCase(round(float(rng.uniform(1.2, 1.9)), 2)),
+    case=lambda rng: PeakCase(round(rng.uniform(1.2, 1.9), 2)),
     reads=partial(numbers, names="low, high, angle", gaps=True),
     lacks=_promise_lacks,
     parts=_broken,
@@ -127,9 +127,9 @@ class MeasuredCase:
 def draw_far(rng: np.random.Generator) -> tuple[NRDOB, float]:
     """Draw a loop with a resonance far out, where it decides; and its λ."""
     constant, gain = draw(rng, 0.2, 1.5), draw(rng, 0.6, 2)
-    pole = float(rng.uniform(11, 16)) / constant
-    corner = pole * float(rng.uniform(0.5, 0.8))
-    lead = ct.tf([1 / corner, 1], [1 / (corner * float(rng.uniform(2.0, 2.6))), 1])
+    pole = rng.uniform(11, 16) / constant
+    corner = pole * rng.uniform(0.5, 0.8)
+    lead = ct.tf([1 / corner, 1], [1 / (corner * rng.uniform(2.0, 2.6)), 1])
     model = ct.tf([gain], [1, gain])
     shape = antiresonance(pole, pole * rng.uniform(0.8, 0.88), rng.uniform(0.012, 0.016))
     return NRDOB(model * shape * lead, model, 1.0, LowPassFilter(constant, 1)), constant
@@ -138,10 +138,10 @@ def draw_far(rng: np.random.Generator) -> tuple[NRDOB, float]:
 def draw_close(rng: np.random.Generator) -> tuple[NRDOB, float]:
     """Draw a loop with lags and a resonance so near that the first crossover decides."""
     constant, gain = draw(rng, 0.2, 1.5), draw(rng, 0.6, 2)
-    lag = float(rng.uniform(0.3, 0.6)) * constant
-    pole, damping = float(rng.uniform(2.5, 3.5)) / constant, float(rng.uniform(0.02, 0.05))
+    lag = rng.uniform(0.3, 0.6) * constant
+    pole, damping = rng.uniform(2.5, 3.5) / constant, rng.uniform(0.02, 0.05)
     model = ct.tf([gain], [1, gain])
-    stronger = float(rng.uniform(0.9, 1.3)) * ct.tf([1], [lag, 1]) * ct.tf([1], [lag, 1])
+    stronger = rng.uniform(0.9, 1.3) * ct.tf([1], [lag, 1]) * ct.tf([1], [lag, 1])
     plant = model * resonance(pole, damping) * stronger
     return NRDOB(plant, model, 1.0, LowPassFilter(constant, 1)), constant
 
@@ -291,8 +291,8 @@ def draw_noise_loop(rng: np.random.Generator) -> tuple[NoiseCase, NRDOB]:
     """Draw a loop, and what is drawn of it."""
     constant, gain, pole = draw(rng, 0.05, 0.5), draw(rng, 0.5, 5), draw(rng, 0.5, 3)
     model = ct.tf([gain], [1 / pole, 1])
-    stronger = float(rng.uniform(2.0, 2.5))
-    plant = model * ct.tf([stronger], [float(rng.uniform(0.01, 0.03)) * constant, 1])
+    stronger = rng.uniform(2.0, 2.5)
+    plant = model * ct.tf([stronger], [rng.uniform(0.01, 0.03) * constant, 1])
     loop = NRDOB(plant, model, 1 / gain, LowPassFilter(constant, 2))
     omega = np.geomspace(0.01, 100, 2001) * loop.filter.bandwidth
     S_d, S_eta, F = (np.abs(of(1j * omega)) for of in (loop.S_d, loop.S_eta, loop.F))
@@ -364,7 +364,7 @@ def _gain_case(rng: np.random.Generator) -> GainCase:
     model = ct.tf([gain], [1 / pole, 1])
     # Two kinds, so that no one number lies between the two margins of all loops.
     stronger = float(rng.choice([rng.uniform(1.1, 1.2), rng.uniform(1.8, 2.1)]))
-    fast = float(rng.uniform(0.05, 0.12)) * constant
+    fast = rng.uniform(0.05, 0.12) * constant
     lag = rng.random() < 0.5
     wrong = ct.tf([stronger], [fast, 1]) if lag else ct.tf([-stronger * fast, stronger], [1])
     loop = NRDOB(model * wrong, model, ct.tf([pole], [gain, 0]), LowPassFilter(constant, 3))
@@ -452,10 +452,10 @@ def draw_margin_loop(rng: np.random.Generator) -> tuple[MarginCase, float]:
     lag, gain = draw(rng, 0.02, 0.3), draw(rng, 0.5, 5)
     slow = [draw(rng, 0.05, 0.15) / lag, draw(rng, 0.2, 0.4) / lag]
     model = ct.tf([gain], np.polymul(*([1 / p, 1] for p in slow)))
-    stronger = float(rng.uniform(1.2, 1.5))
+    stronger = rng.uniform(1.2, 1.5)
     plant = model * ct.tf([stronger], np.polymul([lag, 1], [lag, 1]))
     controller = ct.tf([1 / slow[0], 1], [4 * gain / slow[1], 0])
-    good, omega = float(rng.uniform(3.5, 5)) * lag, few(0.05 / lag)
+    good, omega = rng.uniform(3.5, 5) * lag, few(0.05 / lag)
     loops = [NRDOB(plant, model, controller, LowPassFilter(share * good, 2)) for share in SHARES]
     case = MarginCase(
         plant,

@@ -224,7 +224,7 @@ def _filter(order: int, bandwidth: float) -> LowPassFilter:
 def _orders_case(rng: np.random.Generator) -> OrdersCase:
     poles = [draw(rng, 0.5, 2), draw(rng, 2.5, 6)]
     gain, zero = draw(rng, 0.5, 5), draw(rng, 15, 90)
-    stronger = round(float(rng.uniform(0.92, 1.08)), 2)
+    stronger = round(rng.uniform(0.92, 1.08), 2)
     model = all_pole(*poles, gain=gain)
     plant = stronger * model * ct.tf([-1 / zero, 1], [1 / zero, 1])
     return OrdersCase(plant, model, float(rng.choice([1.8, 1.9, 2.0])))
@@ -559,7 +559,7 @@ def _better_case(rng: np.random.Generator) -> BetterCase:
     slowest = draw(rng, 0.5, 5)
     poles = [slowest, *(few(slowest * rng.uniform(2, 5)) for _ in range(order - 1))]
     free = BetterCase(all_pole(*poles, gain=draw(rng, 0.5, 5)), inf, inf, inf)
-    slow = slowest * float(rng.uniform(3, 6))
+    slow = slowest * rng.uniform(3, 6)
     price = _price(free, _spread(free, slow, 4.0))
     return BetterCase(
         free.model,

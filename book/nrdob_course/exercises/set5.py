@@ -235,15 +235,11 @@ BORDER = pose(
     lacks=_border_lacks,
     rounded=lambda case, got: rounds(borders_read(case)["true"], got),
     misconceptions={
-        "Padé trusted": any_of(
-            lambda case: [borders_read(case)["Padé 1"], borders_read(case)["Padé 2"]]
-        ),
+        "Padé trusted": reading(borders_read, "Padé 1", "Padé 2"),
         "the closed form of a pure dead time": reading(borders_read, "2θ/π"),
         "small gain taken for the border": reading(borders_read, "small gain"),
         "the first edge taken for the last": reading(borders_read, "first edge"),
-        "a frequency given for the time constant": any_of(
-            lambda case: [borders_read(case)["bandwidth"], borders_read(case)["frequency"]]
-        ),
+        "a frequency given for the time constant": reading(borders_read, "bandwidth", "frequency"),
     },
 )
 

@@ -247,9 +247,9 @@ def controller_of(case: Project) -> ct.TransferFunction:
     return design_controller(mirrored_model(case), bandwidth=case.pole, phase_margin=60)
 
 
-def loop_of(case: Project, speed: float, order: int = ORDER) -> NRDOB:
+def loop_of(case: Project, speed: float) -> NRDOB:
     """Make the loop with the mirrored model and λ = speed/pole."""
-    filter = LowPassFilter(speed / case.pole, order)
+    filter = LowPassFilter(speed / case.pole, ORDER)
     return NRDOB(case.plant, mirrored_model(case), controller_of(case), filter)
 
 
@@ -387,7 +387,7 @@ def _project(rng: np.random.Generator) -> Project:
     dead_time = few(rng.uniform(0.045, 0.055) / pole)
     free = Project(plant, gain, pole, decay, modified, GAINS, dead_time, omega=few(0.1 * pole))
     # A good λ, times the pole; up to a fifth more or a seventh less will do.
-    good = float(rng.uniform(0.06, 0.08))
+    good = rng.uniform(0.06, 0.08)
     slow = loop_of(free, SLOWEST * good)
     return replace(
         free,
@@ -416,8 +416,7 @@ def _quiet(case: QuietCase, value: float) -> str:
 QUIETEST = pose(
     "6.2",
     alike=partial(near, tolerance=READING),
-    case=_project,
-    makes=_quiet_case,
+    case=lambda rng: _quiet_case(_project(rng)),
     reads=number,
     lacks=_quiet,
     own=True,
@@ -485,7 +484,7 @@ def _survival_case(rng: np.random.Generator) -> SurvivalCase:
     model = float(rng.choice([0.2, 0.25, 0.3])) * mirrored
     filter = LowPassFilter(few(rng.uniform(0.04, 0.06) / pole), 2)
     controller = design_controller(model, bandwidth=pole, phase_margin=60)
-    less, lag = round(float(rng.uniform(0.4, 0.6)), 2), few(rng.uniform(0.08, 0.12) / pole)
+    less, lag = round(rng.uniform(0.4, 0.6), 2), few(rng.uniform(0.08, 0.12) / pole)
     return SurvivalCase(NRDOB(plant, model, controller, filter), less, lag)
 
 
@@ -497,14 +496,12 @@ def _unstable_inside(case: SurvivalCase, at: FloatArray) -> str:
 
 ONE_PLANT = pose(
     "6.4",
+    alike=partial(same, rtol=1e-3),
     case=_survival_case,
     reads=partial(numbers, names="gain, lag"),
     lacks=_unstable_inside,
     misconceptions={
-        "the modified plant itself": Misconception(
-            lambda case: (case.gain, case.lag),
-            lambda case, got: same((case.gain, case.lag), got, rtol=1e-3),
-        ),
+        "the modified plant itself": lambda case: (case.gain, case.lag),
         "the harmless change alone": Misconception(
             lambda case: (case.gain, 0.0),
             lambda case, got: (
@@ -595,7 +592,7 @@ def _bench_case(rng: np.random.Generator) -> BenchCase:
     gain = either_sign(rng) * draw(rng, 0.5, 5)
     plant, model = mirrored_pair(pole, few(pole * rng.uniform(1.5, 2.5)), gain=gain)
     lags = [ct.tf([1], [few(share / pole), 1]) for share in rng.uniform(0.06, 0.11, 2)]
-    weak, strong = (round(float(rng.uniform(*ends)), 2) for ends in ((0.5, 0.8), (1.3, 1.8)))
+    weak, strong = (round(rng.uniform(*ends), 2) for ends in ((0.5, 0.8), (1.3, 1.8)))
     plants = [plant, weak * plant * lags[0], strong * plant * lags[1]]
     values = [few(share / pole) for share in (0.05, 0.08, 0.16)]
     filters = [LowPassFilter(value, 3) for value in rng.permutation(values).tolist()]
