@@ -9,9 +9,11 @@ from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import Any
 
+import control as ct
 import numpy as np
 import pytest
 
+from nrdob.diagram import delay
 from nrdob_course.exercises import PROBLEMS, check, own_case, score
 from nrdob_course.exercises.comparing import rounds, same, unlike
 from nrdob_course.exercises.drawing import few
@@ -183,6 +185,20 @@ def test_two_kinds_of_mistake_at_once_are_not_taken_for_one() -> None:
         return 4 * case.side if case == CASES[0] else -1.0
 
     assert review(AREA, mixed, CASES).recognised == ""
+
+
+@pytest.mark.parametrize(
+    ("answer", "shown"),
+    [
+        (ct.tf([1], [1, 2, 1]), "the answer 1/(s + 1)² fails"),
+        (delay(0.5) * ct.tf([1], [1, 1]), "the answer exp(−0.5s) 1/(s + 1) fails"),
+        (ct.ss(-1, 1, 1, 0), "the answer an object of type StateSpace fails"),
+        (ct.tf([[[1], [2]]], [[[1, 1], [1, 2]]]), "(a system of 2 inputs and 1 outputs)"),
+    ],
+)
+def test_a_block_is_shown_without_the_number_that_counts_blocks(answer, shown) -> None:
+    said = str(check("4.3", lambda case: answer, 1))
+    assert shown in said and "sys[" not in said
 
 
 def test_another_wrong_answer_is_shown_with_its_case_and_the_reason() -> None:

@@ -12,11 +12,13 @@ from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any
 
+import control as ct
 import numpy as np
 
-from nrdob.diagram import LowPassFilter
+from nrdob.diagram import DelayedTransferFunction, LowPassFilter
 from nrdob.loop import NRDOB
 
+from .cases import factored
 from .comparing import same
 from .problems import BUDGET, Case, Feedback, Lack, Misconception, Problem, texts_of, words
 from .reading import UnreadableError
@@ -112,6 +114,11 @@ def _text(value: Any) -> str:
         return "(a loop)"
     if isinstance(value, LowPassFilter):
         return f"LowPassFilter({_text(value.time_constant)}, {value.order})"
+    # By itself a block shows a number that counts all blocks, another one in each run.
+    if isinstance(value, DelayedTransferFunction) or (isinstance(value, ct.LTI) and value.issiso()):
+        return factored(value)
+    if isinstance(value, ct.InputOutputSystem):
+        return f"(a system of {value.ninputs} inputs and {value.noutputs} outputs)"
     if isinstance(value, np.ndarray):
         return _text(value.tolist())
     if isinstance(value, dict):
