@@ -102,11 +102,10 @@ def _mesh(
     echoes = ceil(SMOOTH / smoothing) if smoothing else inf
     fastest = float(np.abs(poles).max(initial=0.0)) * finer
     even = min(float(delays.min()), 2 / fastest if fastest else inf)
-    most = _graded(poles, _lattice(delays, span, inf), inf, finer)
-    few = None
+    meshes = [_graded(poles, _lattice(delays, span, inf), inf, finer)]
     if echoes < inf and span / even < MAX_PANELS:
-        few = _graded(poles, _lattice(delays, span, echoes), even, finer)
-    found = min((each for each in (most, few) if each is not None), key=len, default=None)
+        meshes.append(_graded(poles, _lattice(delays, span, echoes), even, finer))
+    found = min((each for each in meshes if each is not None), key=len, default=None)
     if found is None:
         raise ValueError(
             f"timepts spans so many echoes of the dead times {', '.join(f'{T:g}' for T in delays)} "
