@@ -73,15 +73,10 @@ class Locus:
 
     def __init__(self, *loops: Quotient) -> None:
         self.count, factors = len(loops), factors_of(*loops)
-        place = {id(factor): i for i, factor in enumerate(factors)}
-        self._signs = np.zeros((len(loops), len(factors)))
-        self._above = np.zeros((len(loops), len(factors)))
-        for signs, above, loop in zip(self._signs, self._above, loops, strict=True):
-            for factor in loop.num:
-                signs[place[id(factor)]] += 1.0
-                above[place[id(factor)]] = 1.0
-            for factor in loop.den:
-                signs[place[id(factor)]] -= 1.0
+        above = np.array([[loop.num.count(p) for p in factors] for loop in loops], dtype=float)
+        below = np.array([[loop.den.count(p) for p in factors] for loop in loops], dtype=float)
+        self._signs: FloatArray = above - below
+        self._above: FloatArray = np.minimum(above, 1.0)
         delayed = [(i, *term) for i, factor in enumerate(factors) for term in factor.delayed]
         self._delayed = np.array([i for i, _, _ in delayed], dtype=np.intp)
         self._delays = np.array([delay for _, _, delay in delayed])[:, None]
