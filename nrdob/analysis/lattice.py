@@ -150,7 +150,7 @@ def _graded(
     inner = []
     for gap in gaps[first].tolist():
         lengths = panel_lengths(poles, gap, finer)
-        pieces = np.ceil(lengths / longest).astype(int) if longest < inf else np.ones(1, dtype=int)
+        pieces = np.maximum(np.ceil(lengths / longest), 1.0).astype(int)
         inner.append(np.append(0.0, np.cumsum(np.repeat(lengths / pieces, pieces))[:-1]))
     sizes = np.array([each.size for each in inner])[which]
     if sizes.sum() > MAX_PANELS:

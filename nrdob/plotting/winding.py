@@ -31,12 +31,13 @@ def winding_plot(zeros: Sequence[complex], poles: Sequence[complex]) -> Figure:
     zeros, poles : sequence of complex
         Of f, none of them on the circle: each is joined to the walker by a vector.
     """
-    turned = _swept(_rational(zeros, poles))
+    f = _rational(zeros, poles)
+    turned = _swept(f)
     axes, moments = _panels((2, 4), TALL), (100, 200, 300, 400)
     with styled():
         for (above, below), k in zip(axes.T, moments, strict=True):
             _draw_walk(above, zeros, poles, k)
-            _draw_value(below, _rational(zeros, poles), k)
+            _draw_value(below, f, k)
             above.set_title(f"{k // 100} quarter{'s' * (k > 100)}")
             below.set_title(f"{turned[k]:+.2f} turns")
         axes[0, 0].set(xlabel="Re s", ylabel="Im s")
