@@ -122,8 +122,8 @@ def _draw_contour(ax: Axes, curve: Contour, colour: str) -> list[Line2D]:
     return lines
 
 
-def _critical(ax: Axes, point: float, size: float = 9) -> None:
-    ax.plot([point], [0], "+", color=COLOURS["critical"], ms=size, mew=2.2, zorder=6)
+def _critical(ax: Axes, point: float) -> None:
+    ax.plot([point], [0], "+", color=COLOURS["critical"], ms=9, mew=2.2, zorder=6)
 
 
 def _window(ax: Axes, curve: Contour, point: float) -> None:
