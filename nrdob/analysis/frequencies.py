@@ -44,8 +44,7 @@ def gentle_frequencies(*loops: Quotient) -> FloatArray:
     factors = factors_of(*loops)
     roots = [_corners(factor) for factor in factors]
     z = np.concatenate(roots)
-    owned = [{id(factor) for factor in loop.num + loop.den} for loop in loops]
-    member = [[id(factor) in own for own in owned] for factor in factors]
+    member = [[factor in loop.num + loop.den for loop in loops] for factor in factors]
     member_of = np.repeat(np.array(member, dtype=float), [each.size for each in roots], axis=0)
     size = np.abs(z)
     square = np.maximum(np.abs(z.real), CLOSEST * size) ** 2

@@ -102,11 +102,10 @@ def _mesh(
     echoes = ceil(SMOOTH / smoothing) if smoothing else inf
     fastest = float(np.abs(poles).max(initial=0.0)) * finer
     even = min(float(delays.min()), 2 / fastest if fastest else inf)
-    most = _graded(poles, _lattice(delays, span, inf), inf, finer)
-    few = None
+    meshes = [_graded(poles, _lattice(delays, span, inf), inf, finer)]
     if echoes < inf and span / even < MAX_PANELS:
-        few = _graded(poles, _lattice(delays, span, echoes), even, finer)
-    found = min((each for each in (most, few) if each is not None), key=len, default=None)
+        meshes.append(_graded(poles, _lattice(delays, span, echoes), even, finer))
+    found = min((each for each in meshes if each is not None), key=len, default=None)
     if found is None:
         raise ValueError(
             f"timepts spans so many echoes of the dead times {', '.join(f'{T:g}' for T in delays)} "
@@ -151,7 +150,7 @@ def _graded(
     inner = []
     for gap in gaps[first].tolist():
         lengths = panel_lengths(poles, gap, finer)
-        pieces = np.ceil(lengths / longest).astype(int) if longest < inf else np.ones(1, dtype=int)
+        pieces = np.maximum(np.ceil(lengths / longest), 1.0).astype(int)
         inner.append(np.append(0.0, np.cumsum(np.repeat(lengths / pieces, pieces))[:-1]))
     sizes = np.array([each.size for each in inner])[which]
     if sizes.sum() > MAX_PANELS:

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import re
 import textwrap
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
 from html import escape
 from math import inf, nan
@@ -119,7 +119,6 @@ class Stability:
         gains: tuple[float, float] | None = None,
         delays: tuple[float, float] | None = None,
         time_constants: tuple[float, float] | None = None,
-        processes: Sequence[Any] = (),
     ) -> Certificate:
         """Prove the counts of roots, for a checker that shares no code with this package.
 
@@ -132,21 +131,17 @@ class Stability:
             Lowest and highest factor of the process for which it is proved, too, dead time of the
             process (not of sampled loops), and time constant of a `LowPassFilter`, in seconds;
             where it is sampled, by Tustin's rule.
-        processes : sequence of blocks
-            Other processes with the same dead time, such as the corners of a box: it is proved for
-            every convex combination of their numerators and denominators. Not of sampled loops.
 
         Raises
         ------
         ValueError, ArithmeticError
-            If delays or processes are given for a sampled loop; if there is no certificate.
+            If delays are given for a sampled loop; if there is no certificate.
         """
-        loop, given = self._provable(continuous_only=bool(delays or processes))
+        loop, given = self._provable(continuous_only=bool(delays))
         counts = self.model_loop.closed_loop_rhp, self.observer_loop.closed_loop_rhp
         return certify(
-            loop, counts, gains=gains, delays=delays, time_constants=time_constants,
-            processes=processes, **given,
-        )  # fmt: skip
+            loop, counts, gains=gains, delays=delays, time_constants=time_constants, **given
+        )
 
     def _provable(self, continuous_only: bool) -> tuple[LoopEquations, dict[str, Any]]:
         """Give the loop whose roots a certificate counts, and in what; not all can be proved."""

@@ -6,7 +6,6 @@ from math import inf
 from typing import Any, NamedTuple
 
 from ..diagram import LoopEquations, as_shaping
-from .ways import maps
 
 __all__ = ["NoiseVariance", "noise_variance"]
 
@@ -24,10 +23,8 @@ class NoiseVariance(NamedTuple):
     u: float
 
 
-def noise_variance(
-    loop: LoopEquations, shaping: Any = None, *, input: str = "eta"
-) -> NoiseVariance:
-    r"""Variances of y and u for white or coloured noise at one input, also with dead time.
+def noise_variance(loop: LoopEquations, shaping: Any = None) -> NoiseVariance:
+    r"""Variances of y and u for white or coloured measurement noise, also with dead time.
 
     Parameters
     ----------
@@ -36,13 +33,11 @@ def noise_variance(
     shaping : control.TransferFunction, StateSpace, number or (num, den), optional
         A stable W: the noise has the two-sided density :math:`|W(j\omega)|^2` in units squared
         times seconds. White noise of unit density by default, of the density Φ for W = √Φ.
-    input : {"R", "d", "delta", "eta"}
-        Where the noise enters. As in eq. (7), u is the plant input u + δ for delta.
 
     Raises
     ------
     ValueError
-        If `input` is none of the four, the loop is not stable, or W is not.
+        If the loop is not stable, or W is not.
     TypeError
         If `shaping` is no block.
 
@@ -55,11 +50,10 @@ def noise_variance(
     >>> round(y, 6), round(u, 6)
     (0.833333, 17.5)
     """
-    both = maps(loop, input)
     W = None if shaping is None else as_shaping(shaping)
     passes = W is None or (W.relative_degree == 0 and bool(W.num.any()))
     variances = []
-    for quotient in both:
+    for quotient in (loop.S_eta, loop.U_eta):
         endless = passes and any(quotient.at_infinity)
         if endless:
             quotient.check_stable()

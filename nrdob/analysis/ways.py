@@ -99,11 +99,12 @@ def _echoes(
     q, echoes = p_B.q, p_B.delayed
     rest = loop.p_A.q if input == "R" else np.ones(1)
     ends = [m.numerator.lifted(power).terms for m in both]
+    unit, latest = _UNITS[attempt], horizon * (1 + 1e-9)
     counts = [range(int(horizon / echo.delay + 1e-9) + 1) for echo in echoes]
-    terms: list[tuple[float, Rational]] = []
+    late: list[tuple[float, list[Block]]] = []
     for occurs in product(*counts):
         around = sum(k * echo.delay for k, echo in zip(occurs, echoes, strict=True))
-        if around > horizon * (1 + 1e-9):
+        if around > latest:
             continue
         orders = float(comb(sum(occurs), occurs[0])) if occurs else 1.0
         powers = [-echo.q for k, echo in zip(occurs, echoes, strict=True) for _ in range(k)]
@@ -115,32 +116,19 @@ def _echoes(
                 if a.any():
                     nums = together.setdefault(around + delay, [np.zeros(1), np.zeros(1)])
                     nums[row] = np.convolve(a, num)
-        terms += [(begin, (nums, den)) for begin, nums in together.items()]
+        late += [
+            (begin, _free((nums, den), integrals, horizon - begin, unit))
+            for begin, nums in together.items()
+            if begin <= latest
+        ]
     shortest = min((echo.delay for echo in echoes), default=0.0)
-    return _shifted(terms, shortest, horizon, integrals, attempt)
-
-
-def _shifted(
-    terms: Sequence[tuple[float, Rational]],
-    delay: float,
-    horizon: float,
-    integrals: int,
-    attempt: int,
-) -> Solver:
-    """Sum up transforms, each delayed, where `delay` is the shortest of the dead times."""
-    unit = _UNITS[attempt]
-    late = [
-        (begin, _free(term, integrals, horizon - begin, unit))
-        for begin, term in terms
-        if begin <= horizon * (1 + 1e-9)
-    ]
 
     def solve(times: FloatArray) -> FloatArray:
         outputs = np.zeros((2, times.size))
         for begin, blocks in late:
             # A time that only rounding puts before a multiple of the delay is meant to be on it.
             since = times - begin
-            begun = since >= -1e-9 * delay
+            begun = since >= -1e-9 * shortest
             since = np.maximum(since[begun], 0.0)
             if since.size:
                 step = even_step(since)

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable
+from dataclasses import dataclass
 from fractions import Fraction as Ratio
 from itertools import product
 from math import isfinite
@@ -75,14 +75,13 @@ def certify(
     gains: Interval | None = None,
     delays: Interval | None = None,
     time_constants: Interval | None = None,
-    processes: Sequence[Any] = (),
     variable: str = "s",
     model_delay: Fraction | None = None,
 ) -> Certificate:
     r"""Find the points that prove a verdict, and have them checked.
 
     p_B is linear in the numerator and denominator of the process, and in those of the filter. So
-    what holds at some corners in the same half planes holds between them: a gain is between two
+    what holds at both ends in the same half planes holds between them: a gain is between two
     processes, and 1/(λs + 1)^n between the n + 1 filters 1/((as + 1)^{n-k} (bs + 1)^k) if λ is
     between a and b, whose denominators are the Bézier points of (λs + 1)^n. Intervals of the dead
     time are cut until each part has its points.
@@ -92,7 +91,7 @@ def certify(
     loop : LoopEquations
     counts : tuple of two float
         Roots of p_A and p_B in the right half plane.
-    gains, delays, time_constants, processes : as for `nrdob.analysis.Stability.certificate`
+    gains, delays, time_constants : as for `nrdob.analysis.Stability.certificate`
     variable : {"s", W}
         Of a sampled loop the blocks are in w.
     model_delay : Fraction, optional
@@ -115,15 +114,9 @@ def certify(
     """
     if reason := loop.ill_posed:
         raise ArithmeticError(f"no certificate: {reason}")
-    every = [loop, *(replace(loop, process=process) for process in processes)]
-    if any(each.delay != loop.delay for each in every):
-        raise ArithmeticError("no certificate: the processes have different dead times")
-    factors = [Ratio(k) for k in _interval("gains", gains or (1.0, 1.0))]
     fractions, one = loop.fractions, np.ones(1)
-    given = [
-        ([k * c for c in _exact(each.fractions.G.num)], _exact(each.fractions.G.den))
-        for k, each in product(sorted(set(factors)), every)
-    ]
+    num, den = map(_exact, fractions.G)
+    factors = sorted({Ratio(k) for k in _interval("gains", gains or (1.0, 1.0))})
     others = {
         "model": _fraction(fractions.Gm),
         "model_delay": _fraction(model_delay or Fraction(one, one), loop.model_delay),
@@ -134,7 +127,7 @@ def certify(
 
     def part(delay: Interval, lag: Interval) -> Blocks:
         middle, within = sum(map(Ratio, delay)) / 2, (Ratio(delay[1]) - Ratio(delay[0])) / 2
-        process = [_block(*fraction, middle) for fraction in given]
+        process = [_block([k * c for c in num], den, middle) for k in factors]
         blocks = {"process": process, **others, "filter": _filters(loop, lag)}
         points = _points(blocks, cancelled, within)
         claims = (None if count is None else int(count) for count in (0, *counts))

@@ -369,11 +369,6 @@ class LoopEquations(_ObserverMaps):
     keep_factors: bool = False
 
     def __post_init__(self) -> None:
-        if delay := undelayed(self.controller)[1]:
-            raise TypeError(
-                f"controller has a dead time of {delay:g} s; only the process and the model may "
-                "have one: leave the dead time out"
-            )
         _ = self.fractions
 
     @cached_property

@@ -128,8 +128,14 @@ def interpolation(model: Any, order: int | None, ramp: int) -> Interpolation:
     _check_apart(Gm, zeros, poles)
     integrators = QuasiPolynomial(Gm.den).zeros_at_origin
     poles = np.append(poles, np.zeros(max(int(ramp), integrators)))
-    if wait:
-        _check_integrators(poles, wait)
+    if wait and poles[1:].any():
+        p = complex(QuasiPolynomial(poles).without_origin.roots[0])
+        raise ValueError(
+            f"model has a pole at s = {written(p)} and a dead time of {wait:g} s: "
+            "F(p) exp(-θm p) = 1 holds to rounding only, and the memory that the block "
+            "(1 - F exp(-θm s))·model then takes is none that can be built safely; leave "
+            "the dead time out of the model"
+        )
     degree = zeros.size + poles.size - 3
     least = degree + max(Gm.relative_degree, 1)
     if order is None:
@@ -175,17 +181,6 @@ def _right_factor(p: FloatArray) -> FloatArray:
     if right.size == q.degree:
         return np.asarray(q.q / q.q[0])
     return factor_near(q, np.atleast_1d(np.real(np.poly(right))))
-
-
-def _check_integrators(poles: FloatArray, wait: float) -> None:
-    if poles[1:].any():
-        p = complex(QuasiPolynomial(poles).without_origin.roots[0])
-        raise ValueError(
-            f"model has a pole at s = {written(p)} and a dead time of {wait:g} s: "
-            "F(p) exp(-θm p) = 1 holds to rounding only, and the memory that the block "
-            "(1 - F exp(-θm s))·model then takes is none that can be built safely; leave "
-            "the dead time out of the model"
-        )
 
 
 def _remainder(p: Any, divisor: Any) -> Any:

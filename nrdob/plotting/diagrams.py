@@ -276,14 +276,9 @@ class Diagram:
 
     def _on(self, wire: Wire, point: Point) -> bool:
         """Tell whether the wire passes through the point."""
-        corners = self.polyline(wire)
-        return (
-            any(
-                min(a[i], b[i]) <= point[i] <= max(a[i], b[i]) and a[j] == b[j] == point[j]
-                for a, b in pairwise(corners)
-                for i, j in ((0, 1), (1, 0))
-            )
-            and wire.path[0] != point
+        return wire.path[0] != point and any(
+            all(min(ends) <= at <= max(ends) for at, *ends in zip(point, a, b, strict=True))
+            for a, b in pairwise(self.polyline(wire))
         )
 
 

@@ -15,8 +15,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.axes import Axes
 
-from ..diagram import INPUTS, MAPS, Quotient
-from ..numerics import is_real
+from ..diagram import INPUTS, MAPS, Quotient, real_number
 
 __all__ = [
     "COLOURS",
@@ -166,9 +165,7 @@ def as_map(given: Any) -> Quotient:
 
 def as_number(given: Any, name: str, needed: str) -> float:
     """Return a finite real number, or say what is `needed`."""
-    if not is_real(given):
-        raise TypeError(f"{name} is {given!r}; it must be {needed}")
-    number = float(given)
+    number = real_number(given, name, f"it must be {needed}")
     if not isfinite(number):
         raise ValueError(f"{name} is {given}; it must be {needed}")
     return number

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from math import inf
-from operator import itemgetter
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -123,8 +122,8 @@ def _draw_contour(ax: Axes, curve: Contour, colour: str) -> list[Line2D]:
     return lines
 
 
-def _critical(ax: Axes, point: float, size: float = 9) -> None:
-    ax.plot([point], [0], "+", color=COLOURS["critical"], ms=size, mew=2.2, zorder=6)
+def _critical(ax: Axes, point: float) -> None:
+    ax.plot([point], [0], "+", color=COLOURS["critical"], ms=9, mew=2.2, zorder=6)
 
 
 def _window(ax: Axes, curve: Contour, point: float) -> None:
@@ -210,24 +209,20 @@ def _roomiest(
     scale = 72 / ax.figure.figure.dpi
     points = _pixels(ax, obstacles) * scale
     far = REACHES[-1] + half_width + 2 * ENOUGH
-
-    def places() -> Iterator[tuple[float, complex, complex]]:
-        for anchor in anchors:
-            gap = points - _pixels(ax, np.array([anchor])) * scale
-            near = gap[np.all(np.abs(gap) < far, axis=1)]
-            if len(near) > CROWDED:
-                x, y = np.round(near.T)
-                thinned = np.unique(x + 1j * y)
-                near = np.column_stack([thinned.real, thinned.imag])
-            for reach in REACHES:
-                for k in range(16):
-                    offset = reach * np.exp(1j * np.pi * k / 8)
-                    beside = np.abs(near - (offset.real, offset.imag)) - [half_width, 5.0]
-                    room = np.hypot(*np.maximum(beside, 0.0).T).min(initial=ENOUGH)
-                    yield float(room) - 0.04 * reach, anchor, offset
-
-    _, anchor, offset = max(places(), key=itemgetter(0))
-    return anchor, offset
+    reach, k = np.repeat(REACHES, 16), np.tile(np.arange(16), len(REACHES))
+    offsets = reach * np.exp(1j * np.pi * k / 8)
+    rooms = []
+    for anchor in anchors:
+        gap = points - _pixels(ax, np.array([anchor])) * scale
+        near = gap[np.all(np.abs(gap) < far, axis=1)] @ [1, 1j]
+        if near.size > CROWDED:
+            near = np.unique(np.round(near))
+        beside = near - offsets[:, None]
+        aside, above = np.abs(beside.real) - half_width, np.abs(beside.imag) - 5.0
+        room = np.hypot(np.maximum(aside, 0.0), np.maximum(above, 0.0))
+        rooms.append(room.min(axis=1, initial=ENOUGH) - 0.04 * reach)
+    of, best = divmod(int(np.argmax(rooms)), reach.size)
+    return anchors[of], complex(offsets[best])
 
 
 def _dense(z: ComplexArray, step: float) -> ComplexArray:

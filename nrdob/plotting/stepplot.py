@@ -68,7 +68,7 @@ def step_plot(
             for style, (label, other) in zip(("--", ":", "-."), others.items(), strict=False):
                 faint = step_response(other, given, times).outputs[row, 0]
                 lines[k] += ax.plot(times, faint, style, color=INK, lw=1.2, label=label, zorder=4)
-            name = ("T_" if given == "R" else "S_") + given if signal == "y" else f"U_{given}"
+            name = INPUTS[given].to_y if signal == "y" else f"U_{given}"
             _step_frame(ax, given, name, signal, bottom=k > 1)
             peak = float(values[int(np.argmax(np.abs(values)))])
             facts.append((given, peak, _final(loop, given, getattr(loop, name))))

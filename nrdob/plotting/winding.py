@@ -31,12 +31,13 @@ def winding_plot(zeros: Sequence[complex], poles: Sequence[complex]) -> Figure:
     zeros, poles : sequence of complex
         Of f, none of them on the circle: each is joined to the walker by a vector.
     """
-    turned = _swept(_rational(zeros, poles))
+    f = _rational(zeros, poles)
+    turned = _swept(f)
     axes, moments = _panels((2, 4), TALL), (100, 200, 300, 400)
     with styled():
         for (above, below), k in zip(axes.T, moments, strict=True):
             _draw_walk(above, zeros, poles, k)
-            _draw_value(below, _rational(zeros, poles), k)
+            _draw_value(below, f, k)
             above.set_title(f"{k // 100} quarter{'s' * (k > 100)}")
             below.set_title(f"{turned[k]:+.2f} turns")
         axes[0, 0].set(xlabel="Re s", ylabel="Im s")
@@ -113,23 +114,22 @@ def _svg(zeros: Sequence[complex], poles: Sequence[complex]) -> str:
     image = _rational(zeros, poles)
     scale = 170 / max(np.ptp(image.real), np.ptp(image.imag))
     walk, value = WALK + RADIUS * CIRCLE.conj(), VALUE + scale * image.conj()
-    named = [("zero", a) for a in zeros] + [("pole", a) for a in poles]
-    labels = [f"{kind} at {_short(a)}" for kind, a in named] + ["their sum: turns of f"]
+    vectors = [(f"zero at {_short(a)}", a, CIRCLE - a, COLOURS["process"]) for a in zeros]
+    vectors += [(f"pole at {_short(a)}", a, 1 / (CIRCLE - a), COLOURS["model"]) for a in poles]
+    labels = [label for label, *_ in vectors] + ["their sum: turns of f"]
     x, y = BARS.real, BARS.imag
     foot = y + STEP * len(labels)
-    swept = [(a, _swept((CIRCLE - a) ** (1 if kind == "zero" else -1))) for kind, a in named]
-    colours = [COLOURS["process" if kind == "zero" else "model"] for kind, _ in named]
 
     def moment(frames: Any) -> str:
         parts = []
-        for k, ((a, angle), colour) in enumerate(zip(swept, colours, strict=True)):
+        for k, (_, a, factor, colour) in enumerate(vectors):
             place, bar = WALK + RADIUS * np.conj(a), BARS + 1j * STEP * k
             parts += [
                 _stroke(frames, place, walk, colour, 1.5),
                 _dot([0], place + 0 * walk, colour),
-                _stroke(frames, bar, bar + TURN * angle, colour, 10),
+                _stroke(frames, bar, bar + TURN * _swept(factor), colour, 10),
             ]
-        bar = BARS + 1j * STEP * len(swept)
+        bar = BARS + 1j * STEP * len(vectors)
         parts.append(_stroke(frames, bar, bar + TURN * _swept(image), COLOURS["loop"], 10))
         parts.append(_stroke(frames, VALUE, value, INK, 1.5))
         parts += [_dot(frames, walk, COLOURS["reference"]), _dot(frames, value, COLOURS["loop"])]

@@ -29,7 +29,7 @@ LONGEST, DEEPEST, HIGHEST = 1000, 40, 40
 
 TOKEN = re.compile(
     r"\s*(?:(?P<number>(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)|(?P<exp>exp)|(?P<s>s)"
-    r"|(?P<sign>\*\*|[-+*/^()]))"
+    r"|(?P<sign>\*\*|[-+*/^()])|(?P<other>\S.{0,9}))"
 )
 
 
@@ -85,17 +85,10 @@ class _Reader:
     """Recursive descent over the tokens of one text."""
 
     def __init__(self, text: str) -> None:
-        self._tokens: list[tuple[str, str]] = []
-        at = 0
-        text = text.rstrip()
-        while at < len(text):
-            match = TOKEN.match(text, at)
-            if match is None:
-                rest = text[at:].strip()[:10]
-                raise ValueError(f"what is {rest!r}? Write it with s, numbers, + - * / ^ and exp")
-            kind = str(match.lastgroup)
-            self._tokens.append((kind, match[kind]))
-            at = match.end()
+        found = (match.groupdict().items() for match in TOKEN.finditer(text))
+        self._tokens = [(kind, part) for groups in found for kind, part in groups if part]
+        if rest := next((part.strip() for kind, part in self._tokens if kind == "other"), ""):
+            raise ValueError(f"what is {rest!r}? Write it with s, numbers, + - * / ^ and exp")
         self._tokens.append(("end", ""))
         self._at = self._depth = 0
 
@@ -154,8 +147,10 @@ class _Reader:
     def _whole(self) -> int:
         sign = -1 if self._next("-", "+") == "-" else 1
         if self._next("("):
+            self._deeper()
             power = self._whole()
             self._close()
+            self._depth -= 1
             return sign * power
         kind, text = self._tokens[self._at]
         if kind != "number" or not text.isdigit() or len(text) > 3:
@@ -183,10 +178,8 @@ class _Reader:
         raise ValueError(f"{text!r} stands where a number, s or a bracket must")
 
     def _bracket(self) -> _Value:
-        self._deeper()
         value = self._sum()
         self._close()
-        self._depth -= 1
         return value
 
     def _close(self) -> None:

@@ -136,16 +136,11 @@ def test_a_gain_interval_is_proved_up_to_its_end():
         loop.stability().certificate(gains=(1, 1.001 * high))
 
 
-def test_a_box_of_coefficients_is_proved_by_its_vertices():
+def test_a_gain_that_may_change_its_sign_has_no_certificate():
     F = LowPassFilter(1.0, 1)
     loop = nrdob.NRDOB(ct.tf([1], [1, 1]), ct.tf([1], [1, 1]), ct.tf([1], [1, 0]), F)
-    corners = [ct.tf([k], [lag, 1]) for k in (0.5, 2.0) for lag in (0.5, 2.0)]
-    certificate = loop.stability().certificate(processes=corners)
-    assert certificate.content["claim"] == {"D_F": 0, "p_A": 0, "p_B": 0}
     with pytest.raises(ArithmeticError, match="no certificate"):
         loop.stability().certificate(gains=(-0.5, 1))
-    with pytest.raises(ArithmeticError, match="no certificate"):
-        loop.stability().certificate(processes=[nrdob.delay(0.1) * ct.tf([1], [1, 1])])
 
 
 def test_a_root_on_the_axis_has_no_certificate():

@@ -134,7 +134,7 @@ def test_any_stable_filter_with_unit_gain_serves():
         ({"controller": s}, ValueError, "controller is improper"),
         ({"process": ct.tf([0.0], [1.0])}, ValueError, "process is identically zero"),
         ({"model": ct.tf([0.0], [1.0])}, ValueError, "model is identically zero"),
-        ({"controller": nrdob.delay(0.1) / s}, TypeError, "only the process and the model"),
+        ({"controller": nrdob.delay(0.1) / s}, ValueError, "only the process and the model"),
         ({"filter": nrdob.delay(0.1) / (s + 1) ** 2}, ValueError, "filter has a dead time"),
         ({"model": nrdob.delay(0.1) * s**2 / (s + 2)}, ValueError, "model is improper"),
         ({"process": ct.tf([1.0], [1.0, 2.0], 0.1)}, ValueError, "process is discrete-time"),

@@ -214,8 +214,7 @@ def test_a_density_is_a_shaping_filter_of_its_square_root():
     G = 1 / (s + 1)
     loop = nrdob.NRDOB(G, G, 1.0, LowPassFilter(0.5, 2))
     assert loop.noise_variance(0.09**0.5).y == pytest.approx(0.09 * 0.5, rel=1e-12)
-    assert loop.noise_variance(input="d").u == pytest.approx(loop.noise_variance().u, rel=1e-12)
-    assert loop.noise_variance(input="delta").y == loop.S_delta.noise_power()
+    assert loop.noise_variance().u == loop.U_d.noise_power()
 
 
 @pytest.mark.parametrize(
@@ -241,8 +240,6 @@ def test_variances_of_an_unstable_loop_are_refused_also_where_noise_passes_direc
         loop.noise_variance()
     with pytest.raises(ValueError, match="make the loop stable"):
         loop.U_eta.check_stable()
-    with pytest.raises(ValueError, match="input is 'y'; it must be one of"):
-        loop.noise_variance(input="y")
 
 
 def test_at_a_motor_noise_and_rejection_obey_a_bound_that_butterworths_filter_reaches() -> None:

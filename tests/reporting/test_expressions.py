@@ -23,6 +23,8 @@ AT = 0.3 + 0.7j
         ("exp(-s)/(s+1) - exp(-s)", np.exp(-AT) * (1 / (AT + 1) - 1)),
         ("(exp(-0.1s)/s)^3", np.exp(-0.3 * AT) / AT**3),
         ("exp(-0 s)", 1),
+        ("(" * 39 + "s" + ")" * 39, AT),
+        ("s^(-(2))", AT**-2),
     ],
 )
 def test_a_formula_has_the_value_it_reads(text, value):
@@ -53,6 +55,7 @@ def test_a_formula_has_the_value_it_reads(text, value):
         ("(" * 5000, "characters"),
         ("(" * 500, "within each other"),
         ("-" * 500 + "s", "within each other"),
+        ("s^" + "(" * 500, "within each other"),
         ("9^9^9", "nothing may follow"),
         ("__import__('os')", "what is '__import__'"),
         ("s.real", "what is '.real'"),
