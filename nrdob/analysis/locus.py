@@ -41,11 +41,11 @@ Where L passes close to -1 a minimum is far narrower than its bracket.
 
 VANISHED = 1e-290  # in place of 0, the value of a factor at a root on the axis
 
-SIZE, SIDE, RETREAT, SIZE_SLOPE, SIDE_SLOPE, DISTANCE, COSINE = range(7)
+SIZE, SIDE, RETREAT, DISK_RETREAT, SIZE_SLOPE, SIDE_SLOPE, DISTANCE, DISK, COSINE = range(9)
 r"""Rows of `Locus.motion`: :math:`\log|L|`, zero at a gain crossover; :math:`\sin\arg L`, zero
 where L is real; :math:`d\log|1 + L|/d\log\omega`, zero and rising where L is nearest to -1; the
-derivatives of the first two with respect to :math:`\log\omega`; :math:`\log|1 + L|`; the cosine of
-the angle."""
+same of :math:`|(1 + L)/(1 - L)|`; the derivatives of the first two with respect to
+:math:`\log\omega`; :math:`\log|1 + L|`; :math:`\log|(1 + L)/(1 - L)|`; the cosine of the angle."""
 
 
 class Found(NamedTuple):
@@ -56,11 +56,12 @@ class Found(NamedTuple):
 
 
 class Notable(NamedTuple):
-    """Where ``|L|`` = 1, L is real, and ``|1 + L|`` is smallest."""
+    """Where ``|L|`` = 1, L is real, and ``|1 + L|`` and ``|(1 + L)/(1 - L)|`` are smallest."""
 
     gain: Found
     phase: Found
     nearest: Found
+    disk: Found
 
 
 class Locus:
@@ -122,17 +123,22 @@ class Locus:
         if loop is not None:
             log, slope = (part[loop, np.arange(loop.size)] for part in (log, slope))
         size, angle = log.real, log.imag
-        rows, z = np.empty((COSINE + 1, *log.shape)), np.empty_like(log)
+        rows, z = np.empty((9, *log.shape)), np.empty_like(log)
         with np.errstate(all="ignore"):
             cosine, sine = np.cos(angle), np.sin(angle)
             # L or 1/L, whichever is not above 1.
             large, smaller = size > 0, np.exp(-np.abs(size))
             z.real, z.imag = smaller * cosine, smaller * np.where(large, -sine, sine)
-            away = slope / (1 + z)  # d log(1 + L) = L/(1 + L) d log L
+            above, below = 1 + z, 1 - z
+            away = slope / above  # d log(1 + L) = L/(1 + L) d log L
+            turned = 2 * away * z / below
+            distance = np.log(np.abs(above))
             rows[SIZE], rows[SIDE], rows[COSINE] = size, sine, cosine
             rows[RETREAT] = np.where(large, away, away * z).real
+            rows[DISK_RETREAT] = np.where(large, -turned, turned).real
             rows[SIZE_SLOPE], rows[SIDE_SLOPE] = slope.real, cosine * slope.imag
-            rows[DISTANCE] = np.log(np.abs(1 + z)) + np.where(large, size, 0.0)
+            rows[DISTANCE] = distance + np.where(large, size, 0.0)
+            rows[DISK] = distance - np.log(np.abs(below))
         return rows
 
     def reach(self, omega: FloatArray) -> FloatArray:
@@ -234,7 +240,7 @@ def notable_frequencies(
     if more.size:
         omega, first = np.unique(np.concatenate([omega, more]), return_index=True)
         motion = np.concatenate([motion, followed(more)], axis=-1)[..., first]
-    brackets = _relevant(motion, _changes(motion[: RETREAT + 1]), np.isfinite(last))
+    brackets = _relevant(motion, _changes(motion[: DISK_RETREAT + 1]), np.isfinite(last))
     row, loop, _, _ = brackets
     solved = _solved(locus, omega, motion, brackets)
     each = np.arange(solved.size)
@@ -245,7 +251,7 @@ def notable_frequencies(
         value = np.exp(log)
     row, loop, solved, value = row[kept], loop[kept], solved[kept], value[kept]
     # Brackets come in the order of rows, and in each in that of loops.
-    ends = np.searchsorted(row * locus.count + loop, np.arange(3 * locus.count + 1)).tolist()
+    ends = np.searchsorted(row * locus.count + loop, np.arange(4 * locus.count + 1)).tolist()
     parts = [Found(solved[a:b], value[a:b]) for a, b in pairwise(ends)]
     return [Notable(*parts[i :: locus.count]) for i in range(locus.count)]
 
@@ -281,21 +287,21 @@ def _relevant(motion: FloatArray, brackets: Brackets, late: BoolArray) -> Bracke
         floor = np.fmin(np.fmax.reduce(motion[SIZE], axis=-1, initial=-np.inf), 0.0) + np.log(SMALL)
         small = late[loop] & (largest + LEEWAY < np.fmin(floor, certain)[loop])
         kept &= (row != SIDE) | ~small
-    towards = motion[row, loop, low] < 0
-    near = towards & (_least(smallest, largest) < _known(motion)[loop])
+    towards, known = motion[row, loop, low] < 0, _known(motion)[row - RETREAT, loop]
+    near = towards & (_least(smallest, largest, row == DISK_RETREAT) < known)
     kept &= (row < RETREAT) | near
     return row[kept], loop[kept], low[kept], high[kept]
 
 
 def _known(motion: FloatArray) -> FloatArray:
-    """Smallest distance of each loop from -1 on the frequencies at hand."""
-    return np.asarray(np.exp(np.fmin.reduce(motion[DISTANCE], axis=-1, initial=np.inf)))
+    """Smallest values of the two distances on the frequencies at hand."""
+    return np.asarray(np.exp(np.fmin.reduce(motion[DISTANCE : DISK + 1], axis=-1, initial=np.inf)))
 
 
-def _least(smallest: FloatArray, largest: FloatArray) -> FloatArray:
-    """Bound ``|1 + L|`` from below by the size of L in a stretch."""
+def _least(smallest: FloatArray, largest: FloatArray, disk: BoolArray | bool) -> FloatArray:
+    """Bound ``|1 + L|``, or ``|(1 + L)/(1 - L)|``, from below by the size of L in a stretch."""
     size = np.exp(np.minimum(np.maximum(smallest - LEEWAY, 0.0), largest + LEEWAY))
-    return np.asarray(np.abs(1 - size))
+    return np.asarray(np.abs(1 - size) / np.where(disk, 1 + size, 1.0))
 
 
 def _hidden(locus: Locus, omega: FloatArray, motion: FloatArray) -> FloatArray:
@@ -315,14 +321,16 @@ def _hidden(locus: Locus, omega: FloatArray, motion: FloatArray) -> FloatArray:
             found.append(_solved(locus, omega, motion, (row + SIZE_SLOPE, loop, low, low + 1)))
         # The parabola through the slopes at both ends, of which the mean slope is known, too, may
         # have another sign in the middle: then a maximum hides with a minimum.
-        before, after = motion[RETREAT, :, :-1], motion[RETREAT, :, 1:]
+        slope, value = motion[RETREAT : DISK_RETREAT + 1], motion[DISTANCE : DISK + 1]
+        before, after = slope[..., :-1], slope[..., 1:]
         mean = (before + after) / 2
-        middle = (1.5 * np.diff(motion[DISTANCE]) / width - mean / 2) * mean
+        middle = (1.5 * (value[..., 1:] - value[..., :-1]) / width - mean / 2) * mean
         pairs = (middle < 0.1 * mean * mean) & (before * after > 0)
         if pairs.any():
             size = motion[SIZE, :, :-1], motion[SIZE, :, 1:]
-            near = pairs & (_least(np.fmin(*size), np.fmax(*size)) < _known(motion)[:, None])
-            low = np.flatnonzero(near.any(axis=0))
+            bounds = _least(np.fmin(*size), np.fmax(*size), np.array([[[False]], [[True]]]))
+            near = pairs & (bounds < _known(motion)[..., None])
+            low = np.flatnonzero(near.any(axis=(0, 1)))
             parts = np.arange(1, CUTS) / CUTS
             found.append((omega[low, None] + np.diff(omega)[low, None] * parts).ravel())
     return np.concatenate(found) if found else np.empty(0)
@@ -355,7 +363,7 @@ def _guessed(
 ) -> FloatArray:
     """Guess zeros as parts of their brackets, by parabolas over log ω."""
     row, loop, low, high = at
-    other = np.minimum(row + SIZE_SLOPE, DISTANCE)
+    other = np.minimum(row + SIZE_SLOPE, DISK)
     a, b = motion[other, loop, low], motion[other, loop, high]
     width = np.log(omega[high] / omega[low])
     mean = (first + last) / 2

@@ -1,4 +1,4 @@
-r"""Lemma 2 and the true loop: gain, phase, modulus and delay margins of C·G̃, F·H and L = K·G.
+r"""Lemma 2 and the true loop: gain, phase, modulus, disk and delay margins of C·G̃, F·H and L = K·G.
 
 Where L has size 1, is real, or is nearest to -1, is bracketed on frequencies between which log L is
 nearly straight over log ω (`nrdob.analysis.frequencies`), and refined to the last digits on the
@@ -16,7 +16,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ..diagram import LoopEquations, Quotient
-from ..numerics import ROUNDING, FloatArray, is_real
+from ..numerics import ROUNDING, ComplexArray, FloatArray, is_real
 from .frequencies import gentle_frequencies, with_turns
 from .locus import Found, Locus, Notable, notable_frequencies
 from .nyquist import closed_around
@@ -61,6 +61,9 @@ class Margins:
         The loop stays stable for every gain factor strictly between them.
     delay_margin : float
         Smallest extra dead time at which the loop becomes unstable, in seconds.
+    disk_margin : float
+        Symmetric disk margin :math:`\alpha = \min 2|1 + L|/|1 - L|`: the loop stays stable
+        with every complex factor in the disk on the diameter from (2 - α)/(2 + α) to its inverse.
     stable : bool or None
         The verdict on the closed loop.
     gain_crossovers, phase_crossovers : array of float
@@ -82,6 +85,7 @@ class Margins:
     gm_low: float
     gm_high: float
     delay_margin: float
+    disk_margin: float
     stable: bool | None
     name: str
     gain_crossovers: FloatArray = field(repr=False)
@@ -328,7 +332,7 @@ def margins_at(found: Notable, ends: Ends, stable: bool | None, name: str) -> Ma
     omega, angle = found.gain.omega, np.angle(-found.gain.L)
     listed = omega, phase, -np.degrees(angle), gains
     if not stable:
-        unknown = (nan, nan, nan, nan, nan, nan, nan, nan, nan)
+        unknown = (nan, nan, nan, nan, nan, nan, nan, nan, nan, nan)
         return Margins(*unknown, stable, name, *listed)
     gm_low = float(gains[gains < 1].max(initial=0.0))
     gm_high = float(gains[gains > 1].min(initial=inf))
@@ -336,7 +340,10 @@ def margins_at(found: Notable, ends: Ends, stable: bool | None, name: str) -> Ma
     wpc = float(phase[gains == gm][0]) if 0 < gm < inf else nan
     pm, wgc, delay_margin = _rotations(omega, angle, ends)
     sm, wms = _closest(found.nearest, ends)
-    return Margins(gm, pm, sm, wpc, wgc, wms, gm_low, gm_high, delay_margin, True, name, *listed)
+    disk = _disk_margin(found.disk, ends)
+    return Margins(
+        gm, pm, sm, wpc, wgc, wms, gm_low, gm_high, delay_margin, disk, True, name, *listed
+    )
 
 
 def _circle_at_infinity(loop: Quotient) -> tuple[float, float]:
@@ -399,3 +406,13 @@ def _closest(nearest: Found, ends: Ends) -> tuple[float, float]:
     distance[np.isnan(distance)] = inf
     k = int(distance.argmin())
     return float(distance[k]), float([*nearest.omega, 0.0, ends.last][k])
+
+
+def _disk_margin(disk: Found, ends: Ends) -> float:
+    """Smallest 2 |(1 + L)/(1 - L)|; of the circle at infinite frequency its ends on the axis."""
+    size = abs(ends.delayed)
+    real = ends.dc_gain, ends.undelayed - size, ends.undelayed + size
+    finite = [value if isfinite(value) else -1e300 for value in real]
+    values: ComplexArray = np.array([*disk.L.tolist(), *finite])
+    with np.errstate(divide="ignore"):
+        return float(2 * (np.abs(1 + values) / np.abs(1 - values)).min())

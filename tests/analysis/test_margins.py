@@ -485,6 +485,40 @@ def test_encirclements_of_a_transfer_function_are_controls():
     assert nrdob.encirclements(L).encirclements == ct.nyquist_response(L).count
 
 
+# The symmetric disk margin.
+
+
+@pytest.mark.parametrize("number", [1, 2, 3])
+@pytest.mark.parametrize("name", ["CGm", "FH", "L"])
+def test_the_disk_margin_is_controls_on_a_dense_grid(number, name):
+    loop = paper.example(number)
+    quotient = getattr(loop, name)
+    found = nrdob.margins(quotient)
+    theirs, gain_db, phase = ct.disk_margins(quotient.to_tf(), np.geomspace(1e-4, 1e6, 4001))
+    assert found.disk_margin == pytest.approx(theirs, rel=1e-5)
+    if theirs < 2 * (1 - 1e-6):
+        high, rotation = tolerated(found.disk_margin)
+        assert 20 * math.log10(high) == pytest.approx(gain_db, rel=1e-4)
+        assert rotation == pytest.approx(phase, rel=1e-4)
+
+
+def tolerated(alpha):
+    """The largest gain, and the rotation in degrees, in the disk of the symmetric disk margin."""
+    return (2 + alpha) / (2 - alpha) if alpha < 2 else math.inf, math.degrees(
+        2 * math.atan(alpha / 2)
+    )
+
+
+@pytest.mark.parametrize("number", [1, 2, 3, 4])
+def test_no_margin_is_below_what_the_disk_guarantees(number):
+    every = paper.example(number).margins()
+    for found in (every.model_loop, every.observer_loop, every.plant_loop):
+        high, rotation = tolerated(found.disk_margin)
+        assert found.gm_low <= 1 / high * (1 + 1e-9)
+        assert found.gm_high >= high * (1 - 1e-9)
+        assert found.pm >= rotation * (1 - 1e-9)
+
+
 @pytest.mark.parametrize(
     ("filter", "last"),
     [
@@ -496,12 +530,13 @@ def test_encirclements_of_a_transfer_function_are_controls():
 )
 def test_a_filter_that_lets_fast_signals_through_leaves_margins_in_closed_form(filter, last):
     # Where the model waits as the process does, L = X/(1 - X) with X = F exp(-sθ): 1 + kL vanishes
-    # where (1 - k) X = 1, and 1 + L = 1/(1 - X). |F| tends to `last`.
+    # where (1 - k) X = 1, 1 + L = 1/(1 - X), and (1 + L)/(1 - L) = 1/(1 - 2X). |F| tends to `last`.
     G = nrdob.delay(1.0) * (s + 2) / (s + 1)
     found = nrdob.NRDOB(G, G, 1.0, filter).margins().plant_loop
     assert found.ms == pytest.approx(1 + last, rel=1e-6)
     assert found.gm_low == pytest.approx(1 - 1 / last, abs=1e-6)
     assert found.gm_high == pytest.approx(1 + 1 / last, rel=1e-6)
+    assert found.disk_margin == pytest.approx(2 / (1 + 2 * last), rel=1e-6)
     assert found.pm == pytest.approx(math.degrees(2 * math.asin(0.5 / last)), rel=1e-6)
 
 

@@ -189,7 +189,7 @@ def differs(found: Margins, loop: Quotient) -> str:
 
 # With and without dead time: a sweep in long doubles.
 
-FIGURES = ("ms", "pm", "gm_low", "gm_high", "delay_margin")
+FIGURES = ("ms", "pm", "gm_low", "gm_high", "delay_margin", "disk_margin")
 
 
 def missed(found: Margins, gain, omega: np.ndarray, rtol: float = 1e-6) -> str:

@@ -27,7 +27,7 @@ from tests.oracles.plain import Block, Plain, low_pass, p_A, p_B
 
 from .runner import asked
 
-FIGURES = "ms", "pm", "gm_low", "gm_high", "delay_margin"
+FIGURES = "ms", "pm", "gm_low", "gm_high", "delay_margin", "disk_margin"
 
 BESIDE = 1e-4
 """How far inside and outside an end the roots are counted."""

@@ -29,6 +29,10 @@ def swept(gain, omega: np.ndarray) -> dict[str, float]:
     def distance(w):
         return np.abs(1 + gain(1j * w))
 
+    def disk(w):
+        value = gain(1j * w)
+        return np.abs((1 + value) / (1 - value))
+
     L = gain(1j * omega)
     crossings = _zeros(size, omega, np.log(np.abs(L)))
     at = gain(1j * crossings)
@@ -38,8 +42,10 @@ def swept(gain, omega: np.ndarray) -> dict[str, float]:
     ends = ends[np.abs(ends.imag) < 1e-3 * np.abs(ends)]
     values = np.concatenate([values, ends[np.abs(ends) > 1e-12]])
     gains = -1 / values.real[values.real < 0]
+    nearest = [_smallest(f, omega, f(omega)) for f in (distance, disk)]
     return {
-        "ms": 1 / _smallest(distance, omega, distance(omega)),
+        "ms": 1 / nearest[0],
+        "disk_margin": 2 * nearest[1],
         "pm": float(np.degrees(np.abs(angle).min(initial=np.inf))),
         "delay_margin": float(np.min(np.mod(angle, 2 * np.pi) / crossings, initial=np.inf)),
         "gm_low": float(gains[gains < 1].max(initial=0.0)),
