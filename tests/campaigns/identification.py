@@ -224,10 +224,50 @@ def heaters(
     return tally
 
 
+WAITS: dict[str, Callable[[np.random.Generator], np.ndarray]] = {
+    "uniform": lambda rng: rng.uniform(0.4, 1.6, 400),
+    "exponential": lambda rng: 1 + rng.exponential(0.6, 400),
+    "now and then long": lambda rng: (
+        1 + 0.1 * rng.standard_normal(400) ** 2 + 5 * (rng.random(400) < 0.02)
+    ),
+}
+"""Times from one sample to the next of a logger that keeps no rate."""
+
+
+def unevenly(count: int, seed: int) -> dict[str, int]:
+    """How often the intervals of one lag hold the truth where the times have no order."""
+    tally: dict[str, int] = {}
+    for kind, waits in WAITS.items():
+        found = {"refused": 0, "gain": 0, "lag": 0, "dead time": 0}
+        for case in range(count):
+            rng = np.random.default_rng([seed, case, len(kind)])
+            t = np.cumsum(waits(rng))
+            truth = {
+                "gain": float(rng.uniform(0.5, 3) * rng.choice([-1, 1])),
+                "lag": float(rng.uniform(15, 80)),
+                "dead time": float(rng.uniform(2, 20)),
+            }
+            u, clean = np.zeros(t.size), np.zeros(t.size)
+            for first, level in ((40, 1.0), (160, 0.0), (300, 0.6)):
+                late = np.maximum(t - t[first] - truth["dead time"], 0.0) / truth["lag"]
+                clean -= truth["gain"] * (level - u[first - 1]) * np.expm1(-late)
+                u[first:] = level
+            y = clean + 0.01 * abs(truth["gain"]) * rng.standard_normal(t.size)
+            try:
+                told = identify(t, u, y, structure=STRUCTURES[1].name).parameters
+            except ValueError:
+                found["refused"] += 1
+                continue
+            for name, true in truth.items():
+                found[name] += told[name].low <= true <= told[name].high
+        tally |= {f"uneven times, {kind}: {k}": v for k, v in [("records", count), *found.items()]}
+    return tally
+
+
 def every(count: int, seed: int) -> dict[str, int]:
     """Intervals on records without drift, and signs on thermal plants with it."""
     waves = heaters(count, seed, under_a_wave, "a wave alone, ")
-    return coverage(count, seed) | heaters(count, seed) | waves
+    return coverage(count, seed) | heaters(count, seed) | waves | unevenly(count, seed)
 
 
 if __name__ == "__main__":
