@@ -104,9 +104,6 @@ class NRDOB(LoopEquations):
     ) -> SampledLoop:
         """Put the controller on a processor: see `nrdob.digital.SampledLoop`.
 
-        y is read just before the next u is written: a direct path of the process answers one
-        sample later, also without dead time.
-
         Parameters
         ----------
         dt, method, computation_delay : float, {"tustin", "zoh"}, float

@@ -263,10 +263,7 @@ def _model(order: Any, b0: Any) -> Any:
 
 
 def _bandwidth(value: Any, name: str) -> float:
-    bandwidth = real_number(value, name, "give a frequency in rad/s as a number")
-    if not (isfinite(bandwidth) and bandwidth > 0):
-        raise ValueError(f"{name} is {value}; it is a frequency in rad/s, positive and finite")
-    return bandwidth
+    return real_number(value, name, "it is a frequency in rad/s, positive and finite", above=0.0)
 
 
 def _range(name: str, given: Any) -> Axis:

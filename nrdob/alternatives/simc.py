@@ -25,7 +25,7 @@ Control 13 (2003) 291-309.
 
 from __future__ import annotations
 
-from math import inf, isfinite
+from math import inf
 from typing import Any, NamedTuple
 
 import control as ct
@@ -185,10 +185,8 @@ def _closed(process: Any, order: int, closed_loop_time: Any) -> NRDOB:
 
 
 def _closed_loop_time(value: Any) -> float:
-    tc = real_number(value, "closed_loop_time", "give τc in seconds as a number")
-    if not (isfinite(tc) and tc > 0):
-        raise ValueError(f"closed_loop_time is {tc}; τc is positive and finite, in seconds")
-    return tc
+    remedy = "τc is positive and finite, in seconds"
+    return real_number(value, "closed_loop_time", remedy, above=0.0)
 
 
 def _lags(den: FloatArray) -> list[float]:

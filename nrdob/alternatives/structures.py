@@ -27,15 +27,16 @@ observer-based 2DOF control scheme, IEE Proc. Control Theory Appl. 149 (2002) 28
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import control as ct
 import numpy as np
 
 from ..design import observer_form
-from ..diagram import as_fraction, filter_fraction, undelayed
+from ..diagram import undelayed
 from ..loop import NRDOB
-from ..numerics import QuasiPolynomial, add, count_rhp, written
+from ..numerics import add, count_rhp, written
 
 __all__ = ["controller_alone", "conventional_observer", "smith_predictor"]
 
@@ -114,17 +115,16 @@ def conventional_observer(process: Any, model: Any, controller: Any, filter: Any
     >>> loop.p_B.roots.real.round(6).tolist()           # of F, and of C·model
     [-2.0, -3.0]
     """
-    prompt, F = undelayed(model)[0], filter_fraction(filter)
-    Gm, C = as_fraction(prompt, "model"), as_fraction(controller, "controller")
-    opened, closing = np.convolve(C.den, Gm.den), np.convolve(C.num, Gm.num)
-    p_A = QuasiPolynomial(add(opened, closing), scale=add(np.abs(opened), np.abs(closing)))
+    loop = NRDOB(process, undelayed(model)[0], controller, filter)
+    (_, Gm, C, F), p_A = loop.fractions, loop.p_A
     if p_A.zeros_at_origin or count_rhp(p_A).count != 0:
         raise ValueError(
             f"C does not stabilise the model: p_A has the root {written(complex(p_A.roots[0]))}; "
             "change C"
         )
+    opened, closing = np.convolve(C.den, Gm.den), np.convolve(C.num, Gm.num)
     num = add(np.convolve(F.num, opened), np.convolve(F.den, closing))
-    return NRDOB(process, prompt, controller, ct.tf(num, np.convolve(F.den, p_A.q)))
+    return replace(loop, filter=ct.tf(num, np.convolve(F.den, p_A.q)))
 
 
 def _filter_of(scheme: str, model: Any, controller: Any) -> Any:

@@ -11,7 +11,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
-from math import ceil, exp, inf, log, log10
+from math import ceil, exp, log, log10
 from typing import Any
 
 import numpy as np
@@ -221,10 +221,8 @@ def checked_limits(max_ms: Any, max_noise: Any) -> None:
     if max_ms is None and max_noise is None:
         raise ValueError("nothing limits the candidates: give max_ms or max_noise")
     for name, value, least in (("max_ms", max_ms, 1.0), ("max_noise", max_noise, 0.0)):
-        if value is None:
-            continue
-        if not least < real_number(value, name, "give a number, or None") < inf:
-            raise ValueError(f"{name} is {value}; give a finite number above {least:g}")
+        if value is not None:
+            real_number(value, name, f"give a finite number above {least:g}", above=least)
 
 
 def _slack(

@@ -100,7 +100,7 @@ def nonzero(fraction: Fraction, name: str) -> Fraction:
     return fraction
 
 
-def real_number(value: Any, name: str, remedy: str) -> float:
+def real_number(value: Any, name: str, remedy: str, *, above: float | None = None) -> float:
     """Read one real number, or raise TypeError with the `remedy`.
 
     Parameters
@@ -108,6 +108,8 @@ def real_number(value: Any, name: str, remedy: str) -> float:
     value : object
     name, remedy : str
         What it is called in the message, and what to give instead.
+    above : float, optional
+        A number that is not finite, or not above this, is a ValueError.
 
     Examples
     --------
@@ -121,6 +123,8 @@ def real_number(value: Any, name: str, remedy: str) -> float:
         number = complex(inf)
     if number.imag:
         raise TypeError(f"{name} is {value!r}, a {type(value).__name__}; {remedy}")
+    if above is not None and not above < number.real < inf:
+        raise ValueError(f"{name} is {value}; {remedy}")
     return number.real
 
 

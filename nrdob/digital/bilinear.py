@@ -281,8 +281,7 @@ def _in_unit(
 
 def _in_v(given: _Given, bits: int) -> Fraction:
     """Give the held process in powers of v = αw."""
-    num, den = _in_z(given, bits)
-    columns = [np.array(p, dtype=object) @ _bilinear(len(den) - 1) for p in (num, den)]
+    columns = [p @ _bilinear(p.size - 1) for p in _in_z(given, bits)]
     largest = max(abs(x) for x in columns[1])
     floor = 1 << (bits // 2)
     found = [
@@ -304,7 +303,7 @@ def _scaled(found: Fraction, dt: float) -> Fraction:
     return Fraction(num * powers[den.size - num.size :], den * powers)
 
 
-def _in_z(given: _Given, bits: int) -> tuple[list[int], list[int]]:
+def _in_z(given: _Given, bits: int) -> tuple[Whole, Whole]:
     """Numerator and denominator of the held process, descending powers of z, in 2^-bits."""
     n = len(given.a)
     Ad, B0 = _held(given, 1 - given.fraction, bits)
@@ -320,28 +319,20 @@ def _in_z(given: _Given, bits: int) -> tuple[list[int], list[int]]:
     direct = _fixed(given.direct, bits)
     if given.remembers:
         A[:n, n], B[n], C[n] = B1, 1 << bits, 0 if given.at_once else direct
-    den = _characteristic(A, bits)
-    markov, state = [], B
-    for _ in range(order):
-        markov.append(int(_times(C, state, bits)))
-        state = _times(A, state, bits)
-    num = [0, *(sum(markov[i] * den[j - i] for i in range(j + 1)) >> bits for j in range(order))]
-    if given.at_once:
-        num = [x + (direct * y >> bits) for x, y in zip(num, den, strict=True)]
-    return num, den
+    num, den = _transfer(A, B, C, bits)
+    return (num + (direct * den >> bits), den) if given.at_once else (num, den)
 
 
-def _characteristic(A: Whole, bits: int) -> list[int]:
-    """Coefficients of det(zI - A), descending, by Faddeev and LeVerrier."""
-    order = len(A)
-    coefficients = [1 << bits]
-    identity = np.eye(order, dtype=int).astype(object)
-    M = identity * (1 << bits)
-    for k in range(1, order + 1):
+def _transfer(A: Whole, B: Whole, C: Whole, bits: int) -> tuple[Whole, Whole]:
+    """Give C adj(zI - A) B and det(zI - A), descending, by Faddeev and LeVerrier."""
+    unit = np.eye(len(A), dtype=int).astype(object)
+    M, num, den = unit * (1 << bits), [0], [1 << bits]
+    for k in range(1, len(A) + 1):
+        num.append(_times(C, _times(M, B, bits), bits))
         AM = _times(A, M, bits)
-        coefficients.append(-int(np.trace(AM)) // k)
-        M = AM + identity * coefficients[-1]
-    return coefficients
+        den.append(-np.trace(AM) // k)
+        M = AM + unit * den[-1]
+    return np.array(num, dtype=object), np.array(den, dtype=object)
 
 
 def _held(given: _Given, share: Exact, bits: int) -> tuple[Whole, Whole]:

@@ -28,7 +28,6 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from ..diagram import real_number
-from ..numerics import FloatArray
 from .actuatorlimits import ActuatorLimits
 from .controller import SampledController
 from .sections import Section
@@ -219,15 +218,10 @@ def tracking(controller: SampledController, time: float) -> float:
 
 def _while_limited(controller: SampledController, share: float) -> float:
     """Largest modulus of a root z of C with tracking, while the actuator stays at its limit."""
-    num: FloatArray = np.ones(1)  # powers of z - 1
-    den: FloatArray = np.ones(1)
-    for part in controller.sections["C"]:
-        num = np.polymul(num, [part.b0, part.b1, part.b2][: part.order + 1])
-        den = np.polymul(den, [1.0, part.a1, part.a2][: part.order + 1])
-    # What C has at once is in u already; what tracking adds acts on the states.
-    later = np.polysub(num, num[0] * den)
-    roots = np.roots(np.polyadd(den, share / controller.factor * later))
-    return float(np.abs(1 + roots).max())
+    A, B, C, _ = controller.blocks["C"]
+    # With z - 1 for eigenvalues: beside 1 digits would be lost.
+    moved = A - np.eye(B.size) - share / controller.factor * np.outer(B, C)
+    return float(np.abs(1 + np.linalg.eigvals(moved)).max())
 
 
 @cache

@@ -88,11 +88,7 @@ class SampledController:
     @cached_property
     def factor(self) -> float:
         """1 - F∞ + C∞ M∞, the factor of u[k] in the diagram."""
-        C, F, inner = (self.blocks[name].D for name in ("C", "F", self.inner))
-        if not self.delay:
-            return 1 - F + C * inner
-        at_once = 0.0 if self.delay.samples else 1 - self.delay.fraction
-        return (1 - F * at_once) * (1 + C * inner)
+        return float(1 - self._signals["command"][-1])
 
     @property
     def states(self) -> int:

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from math import inf
-from typing import Any
 
 import numpy as np
 from scipy.optimize import brentq, minimize_scalar
@@ -59,10 +59,8 @@ def largest_sampling_time(
     4.0275
     """
     SampledLoop(loop, 1.0, "tustin", computation_delay)  # refuses bad input
-    late: Any = DelayedTransferFunction(loop.fractions.G, loop.delay + computation_delay)
-    verdict = stability(
-        LoopEquations(late, loop.model, loop.controller, loop.filter, loop.keep_factors)
-    )
+    late = DelayedTransferFunction(loop.fractions.G, loop.delay + computation_delay)
+    verdict = stability(replace(loop, process=late))
     if not verdict.stable:
         with_delay = f" with {computation_delay:g} s of computation" if computation_delay else ""
         raise ValueError(

@@ -85,7 +85,7 @@ class Product:
         sizes = np.abs(_linear(a, b, angle))
         moved = sizes + np.abs(a + b)[:, None] / 2 * half
         far = moved.prod(axis=0) * (1 + np.minimum(self.samples * half, 2.0))
-        leading = np.prod([_used(factor)[0] for factor in self.factors])
+        leading = np.prod([np.trim_zeros(factor, "f")[0] for factor in self.factors])
         return np.asarray(abs(leading) * (far - sizes.prod(axis=0)))
 
     def slope(self, angle: FloatArray) -> ComplexArray:
@@ -103,7 +103,7 @@ class Product:
     @cached_property
     def _linear(self) -> tuple[ComplexArray, ComplexArray]:
         """The a and b of the linear factors (a v - b)/(1 + v): a = 1 but for roots at z = -1."""
-        used = [_used(factor) for factor in self.factors]
+        used = [np.trim_zeros(factor, "f") for factor in self.factors]
         roots = np.concatenate([np.empty(0, dtype=complex), *map(companion_roots, used)])
         at_infinity = sum(factor.size for factor in self.factors) - sum(p.size for p in used)
         finite = np.arange(roots.size + at_infinity) < roots.size
@@ -301,7 +301,3 @@ def _linear(a: ComplexArray, b: ComplexArray, angle: FloatArray) -> ComplexArray
     """Linear factors a v - b over 1 + v, but for a turn that all share: one row for each."""
     sine, cosine = _half(angle)
     return np.asarray(np.multiply.outer(a, 1j * sine) - np.multiply.outer(b, cosine))
-
-
-def _used(factor: FloatArray) -> FloatArray:
-    return factor[np.flatnonzero(factor)[0] :]

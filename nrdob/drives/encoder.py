@@ -165,9 +165,8 @@ class Tracking(SpeedEstimate):
     bandwidth: float
 
     def __post_init__(self) -> None:
-        value = real_number(self.bandwidth, "bandwidth", "give rad/s as a number")
-        if not 0 < value < inf:
-            raise ValueError(f"bandwidth is {value:g} rad/s; give a positive, finite one")
+        remedy = "give a positive, finite number of rad/s"
+        value = real_number(self.bandwidth, "bandwidth", remedy, above=0.0)
         object.__setattr__(self, "bandwidth", value)
 
     def _smoothing(self, dt: float) -> tuple[list[float], list[float]]:

@@ -114,9 +114,8 @@ class Friction:
         >>> round(Friction(0.1).describing_function(0.5) * np.pi * 0.5 / 4, 6)
         0.1
         """
-        A = real_number(amplitude, "amplitude", "give the amplitude of the speed in rad/s")
-        if not 0 < A < inf:
-            raise ValueError(f"amplitude is {A:g} rad/s; give a positive, finite amplitude")
+        remedy = "give a positive, finite amplitude of the speed, in rad/s"
+        A = real_number(amplitude, "amplitude", remedy, above=0.0)
         gain = 4 * self.coulomb / (pi * A) + self.viscous
         if self.slope:
             until = asin(min(1.0, self.stribeck_speed / A))

@@ -103,9 +103,7 @@ class TwoMasses:
         >>> round(TwoMasses(4e-3, 4e-3, 10.0).with_resonance_ratio(5**0.5).motor, 6)
         0.001
         """
-        ratio = real_number(ratio, "ratio", "give resonance over antiresonance")
-        if not 1 < ratio < inf:
-            raise ValueError(f"ratio is {ratio:g}; give one above 1, such as 5**0.5")
+        ratio = real_number(ratio, "ratio", "give one above 1, such as 5**0.5", above=1.0)
         return replace(self, motor=self.load / (ratio**2 - 1))
 
     def speed(self, viscous: float = 0.0) -> ct.TransferFunction:

@@ -17,7 +17,6 @@ frequencies is left to `nrdob.analysis.margins`.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from functools import cached_property
 from math import pi, prod
 from typing import Any, NamedTuple
 
@@ -119,30 +118,17 @@ class Feedback:
     """All of a loop that does not depend on the plant."""
 
     def __init__(self, loop: LoopEquations | ObserverEquations) -> None:
-        built = loop.built
-        self.zeros = (built.Nf, built.Dm)
-        self.poles = (built.E, built.Nm)
-        self.numerator = multiply(*self.zeros)
-        self.denominator = multiply(*self.poles)
+        self.K = loop.K
         # Of what is multiplied with denominator and numerator of the plant.
         self.sizes = [
             multiply(*(QuasiPolynomial(p.scale) for p in part)).q
-            for part in (self.poles, self.zeros)
+            for part in (self.K.den, self.K.num)
         ]
-
-    @cached_property
-    def lowest(self) -> tuple[float, int]:
-        """Value and power of s that K tends to at s = 0."""
-        (zeros, power), (poles, order) = (
-            (prod(p.without_origin.constant for p in part), sum(p.zeros_at_origin for p in part))
-            for part in (self.zeros, self.poles)
-        )
-        return zeros / poles, power - order
 
     def gain_and_slope(self, omega: FloatArray) -> tuple[ComplexArray, ComplexArray]:
         """Evaluate K(jω), and dK/ds over K there."""
         parts = []
-        for p in (self.numerator, self.denominator):
+        for p in (self.K.numerator, self.K.denominator):
             value = slope = np.zeros(1, dtype=complex)
             for q, delay in p.terms:
                 at, rising = values_and_slopes(q, omega)
@@ -156,9 +142,9 @@ class Feedback:
         """Terms of p_B, and for each power of s the size of what is summed."""
         products = [
             (convolved(plants.den, p[:, None]), np.full(1, delay))
-            for p, delay in self.denominator.terms
+            for p, delay in self.K.denominator.terms
         ]
-        late = convolved(plants.num, self.numerator.q[:, None])
+        late = convolved(plants.num, self.K.numerator.q[:, None])
         size = convolved(np.abs(plants.den), self.sizes[0][:, None])
         scale = padded_sum(size, convolved(np.abs(plants.num), self.sizes[1][:, None]))
         if not plants.delay.any():
@@ -174,7 +160,7 @@ class Feedback:
         q = terms[0].q
         stable, unstable = np.zeros((2, scale.shape[1]), dtype=bool)
         # Advanced or ill-posed, or an integrator of a delayed model cancels: not for arrays.
-        if q.shape[0] < scale.shape[0] or self.denominator.divided:
+        if q.shape[0] < scale.shape[0] or self.K.denominator.divided:
             return stable, unstable
         if len(terms) == 1:
             stable, unstable = hurwitz(q, ROUNDING * scale)
@@ -250,7 +236,7 @@ class _Loops:
         found = [feedback.characteristic(plants)]
         for part in (plants.num, plants.den):
             found.append(([ManyTerms(part, np.zeros(1))], np.abs(part)))
-        for each in (*feedback.zeros, *feedback.poles):
+        for each in (*feedback.K.num, *feedback.K.den):
             # One that vanishes at s = 0 is not divided by s: no stretch begins there.
             p = each if each.without_origin.divided else each.without_origin
             terms = [ManyTerms(q[:, None], np.full(1, delay)) for q, delay in p.terms]
@@ -364,17 +350,17 @@ def _between(loops: _Loops, shared: FloatArray, clear: BoolArray, own: _Stretche
 
 def _at_ends(loops: _Loops) -> FloatArray:
     """Smallest ``|1 + L|`` at ω = 0 and at infinity, where a dead time turns L; nan if unknown."""
-    feedback, (num, den, delay) = loops.feedback, loops.plants
+    K, (num, den, delay) = loops.feedback.K, loops.plants
     every = np.arange(delay.size)
     zeros, poles = (np.argmax(p[::-1] != 0, axis=0) for p in (num, den))
-    level, power = feedback.lowest
-    level = level * num[-1 - zeros, every] / den[-1 - poles, every]
-    order = power + zeros - poles
+    above, below = (prod(p.without_origin.constant for p in part) for part in (K.num, K.den))
+    level = above / below * num[-1 - zeros, every] / den[-1 - poles, every]
+    order = K.zeros_at_origin + zeros - poles
     at_zero = np.abs(1 + np.where(order > 0, 0.0, np.where(order < 0, np.inf, level)))
-    if feedback.numerator.degree + num.shape[0] < feedback.denominator.degree + den.shape[0]:
+    if K.numerator.degree + num.shape[0] < K.denominator.degree + den.shape[0]:
         return np.asarray(np.fmin(at_zero, 1.0))
-    if feedback.denominator.delay:  # L does not tend to a circle
+    if K.denominator.delay:  # L does not tend to a circle
         return np.full(delay.shape, np.nan)
-    limit = feedback.numerator.q[0] * num[0] / (feedback.denominator.q[0] * den[0])
+    limit = K.numerator.q[0] * num[0] / (K.denominator.q[0] * den[0])
     at_infinity = np.abs(1 - np.abs(limit)) if loops.late else np.abs(1 + limit)
     return np.asarray(np.fmin(at_zero, at_infinity))

@@ -21,7 +21,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ..analysis import Locus, resolved_frequencies
-from ..diagram import DelayedTransferFunction, Quotient, as_fraction, real_number, undelayed
+from ..diagram import DelayedTransferFunction, Quotient, real_number
 from ..loop import NRDOB
 from ..numerics import BoolArray, ComplexArray, FloatArray, QuasiPolynomial, bisect, golden, side
 from .plantfamily import Interval, read_range
@@ -457,7 +457,5 @@ def _critical_plant(
 
 def _with(loop: NRDOB, *, gain: float = 1.0, delay: float = 0.0) -> NRDOB:
     """Return the loop with another plant."""
-    num, den = as_fraction(undelayed(loop.process)[0], "process")
-    total = loop.delay + delay
-    plant = DelayedTransferFunction((gain * num, den), total) if total else (gain * num, den)
-    return replace(loop, process=plant)
+    num, den = loop.fractions.G
+    return replace(loop, process=DelayedTransferFunction((gain * num, den), loop.delay + delay))

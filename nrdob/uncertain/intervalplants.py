@@ -29,7 +29,6 @@ import numpy as np
 
 from ..loop import NRDOB
 from ..numerics import ROUNDING, FloatArray, add, hurwitz
-from .batch import Feedback
 
 __all__ = ["IntervalShares", "interval_plants", "largest_share"]
 
@@ -90,8 +89,7 @@ def interval_plants(
         raise ValueError(f"the nominal loop is not stable: {loop.stability().reason}")
     G = loop.fractions.G
     N, D = _box(G.num, num, "num"), _box(G.den, den, "den")
-    feedback = Feedback(loop)
-    A, B = feedback.denominator.q, feedback.numerator.q
+    A, B = loop.K.denominator.q, loop.K.numerator.q
 
     def free(share: float) -> bool:
         of_D, of_N = _times(_part(D, share), A), _times(_part(N, share), B)

@@ -57,5 +57,5 @@ def test_other_numbers_that_cannot_be_are_named():
         OneMass(-1.0)
     with pytest.raises(TypeError, match="inertia is 'heavy'"):
         OneMass("heavy")
-    with pytest.raises(ValueError, match=r"ratio is 1; give one above 1, such as 5\*\*0.5"):
+    with pytest.raises(ValueError, match=r"ratio is 1\.0; give one above 1, such as 5\*\*0.5"):
         DRIVE.with_resonance_ratio(1.0)
