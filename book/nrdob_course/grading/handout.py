@@ -13,6 +13,7 @@ import pickle
 from collections.abc import Iterable, Iterator
 from functools import cache
 from importlib import import_module
+from inspect import getsource
 from typing import Any
 
 from .. import exercises
@@ -110,10 +111,7 @@ def _without_others(node: ast.stmt, names: set[str]) -> ast.stmt:
 
 @cache
 def _tree(module: str) -> list[ast.stmt]:
-    file = import_module(f"{exercises.__name__}.{module}").__file__
-    assert file is not None
-    with open(file, encoding="utf-8") as source:
-        return ast.parse(source.read()).body
+    return ast.parse(getsource(import_module(f"{exercises.__name__}.{module}"))).body
 
 
 @cache
