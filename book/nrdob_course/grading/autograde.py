@@ -73,7 +73,7 @@ def course(root: Path) -> NbGraderAPI:
 REMARKS: list[str] = []
 """What happened while the cells ran, each as often as it did; this process runs one notebook."""
 
-FORK_SERVERS: list[Child] = []  # what starts kernels quickly, if there is one: the last
+FORK_SERVERS: list[Child] = []  # what starts kernels quickly, if there is one
 
 GROUPS: list[Any] = []  # the groups that the answers were given for
 
@@ -159,7 +159,7 @@ class PatientExecute(Execute):  # type: ignore[misc]
         manager._kernel_spec = spec
         if FORK_SERVERS:
             manager.provisioner = Provisioner(kernel_id="", kernel_spec=spec, parent=manager)
-            manager.provisioner.server = FORK_SERVERS[-1]
+            manager.provisioner.server = FORK_SERVERS[0]
         self.km = manager
         return manager
 
@@ -403,9 +403,9 @@ def draw(source: str) -> None:
 
 def ready() -> None:
     """Start what starts kernels, where a process can be copied safely, or start it again."""
-    running = FORK_SERVERS and FORK_SERVERS[-1].process.poll() is None
+    running = FORK_SERVERS and FORK_SERVERS[0].process.poll() is None
     if sys.platform == "linux" and not running:
-        FORK_SERVERS.append(Child(KERNEL))
+        FORK_SERVERS[:] = [Child(KERNEL)]
 
 
 def run(root: str, student: str, name: str) -> int:

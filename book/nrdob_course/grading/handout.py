@@ -27,12 +27,11 @@ TOOLS = {("cases", "factored"), ("figures", "draw_without_count"), ("set5", "dra
 
 def handout(problems: Iterable[str], group: Any) -> dict[str, Any]:
     """Give the sources that a kernel may import, by module, and the group's own cases."""
-    tools = {(module, name) for module, name in TOOLS if name in exercises.__all__}
     classes = (_Classes(case).found for case in _drawn(problems, group).values())
     return {
         "package": exercises.__name__,
-        "sources": cut(frozenset(tools.union(*classes))),
-        "tools": sorted(tools),
+        "sources": cut(frozenset(TOOLS.union(*classes))),
+        "tools": sorted(TOOLS),
         "group": group,
         "cases": own_cases(problems, group),
     }

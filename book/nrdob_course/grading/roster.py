@@ -30,7 +30,7 @@ from math import ceil
 from pathlib import Path
 from typing import Any
 
-__all__ = ["UNPLANNED", "Course", "Student", "read_course", "read_table"]
+__all__ = ["UNPLANNED", "Course", "Student", "read_course", "read_table", "text_in"]
 
 
 @dataclass(frozen=True)
@@ -207,15 +207,15 @@ def read_roster(path: Path) -> tuple[Student, ...]:
     for line, row in rows:
         if None in row:
             raise ValueError(f"{path.name}, line {line}: it has more cells than the first line")
-        name = row[where["name"]] if where["name"] else f"{row[first or '']} {row[last or '']}"
-        name = (name or "").strip()
+        full = f"{text_in(row, first)} {text_in(row, last)}".strip()
+        name = text_in(row, where["name"]) if where["name"] else full
         if not name or name == "Points Possible":
             continue
-        text = (row[where["group"]] or "").strip() if where["group"] else ""
+        text = text_in(row, where["group"])
         if text and not text.isdecimal():
             told = f"the group of {name} is {text!r}, no whole number"
             raise ValueError(f"{path.name}, line {line}: {told}")
-        identifier = (row[where["identifier"]] or "").strip() if where["identifier"] else ""
+        identifier = text_in(row, where["identifier"])
         given = {key: value or "" for key, value in row.items() if key}
         key = ("id", identifier) if identifier else ("name", name)
         if key in students:
@@ -248,6 +248,11 @@ def read_table(path: Path) -> list[tuple[int, dict[Any, Any]]]:
     except csv.Error as error:
         line = reader.reader.line_num
         raise ValueError(f"{path.name}, line {line}: {error}") from None
+
+
+def text_in(row: Mapping[Any, str | None], column: str | None) -> str:
+    """Give what stands in a column of a row; empty if nothing does, or there is no such column."""
+    return (row.get(column) or "").strip()
 
 
 def _first(columns: Mapping[str, str], names: Iterable[str]) -> str | None:
