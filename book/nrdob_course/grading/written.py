@@ -107,7 +107,7 @@ def read_written(
         if not (text or comment):
             continue
         who = text_in(row, "student") or text_in(row, "code")
-        entry = entries.get((harmless(who), row["set"]))
+        entry = entries.get((harmless(who), text_in(row, "set")))
         student = entry["student"] if entry else who
         key = student, text_in(row, "set"), text_in(row, "problem")
         grades = filter(to_be_marked, grades_of(gradebook, entry) if entry else [])
