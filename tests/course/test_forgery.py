@@ -8,6 +8,7 @@ from pathlib import Path
 
 import nbformat
 import pytest
+from bs4 import BeautifulSoup
 
 from attacks import FORGERIES, LATER
 from exported import table
@@ -37,16 +38,26 @@ def forging(released: Path) -> Iterator[tuple[Notebook, dict[str, str]]]:
         yield notebook, tried
 
 
-KEEPS = next(each for each in CHECKED if not each.problem.own)
+KEEPS, RAISES = [each for each in CHECKED if not each.problem.own][:2]
 
 
 def keeping(released: Path) -> Notebook:
-    """An answer that is right, keeps the cases that it sees, and would show them at the end."""
+    """One answer is right, keeps the cases that it sees, and would show them at the end.
+
+    Another one would show them by what ends it, which no call takes for an error.
+    """
     notebook = right(released, "").notebook
     cell_of(notebook, answer_cell(KEEPS)).source += f"""
 KEPT, plain_answer = [], {KEEPS.answer}
 def {KEEPS.answer}(case):
     KEPT.append(case)
+    return plain_answer(case)
+"""
+    cell_of(notebook, answer_cell(RAISES)).source += f"""
+def {RAISES.answer}(case, plain_answer={RAISES.answer}, seen=[]):
+    seen.append(case)
+    if len(seen) > 1:
+        raise type("kept", (BaseException,), {{}})("kept: " + repr(case))
     return plain_answer(case)
 """
     shows = nbformat.v4.new_code_cell("print('cases kept:', len(KEPT))", id="own-shows")
@@ -90,3 +101,7 @@ def test_what_an_answer_remembers_of_hidden_cases_is_not_shown(graded: Graded) -
     assert float(graded.rows["keeps"][KEEPS.id]) > 0
     page = (graded.out / "feedback" / "keeps" / NAME / f"{NAME}.html").read_text("utf-8")
     assert "cases kept: 0" in page
+    assert float(graded.rows["keeps"][RAISES.id]) == 0
+    assert "Error: it ended the call of the answer" in page
+    text = BeautifulSoup(page, "html.parser").get_text()
+    assert "kept: " + repr(RAISES.problem.cases(RAISES.seed, 1)[0])[:20] not in text

@@ -14,6 +14,7 @@ before the fork.
 
 from __future__ import annotations
 
+import builtins
 import json
 import os
 import shutil
@@ -238,7 +239,10 @@ class PatientExecute(Execute):  # type: ignore[misc]
             if why is None:
                 return failure("NoAnswer", "the answer was not told")
             if why.ename != TOO_SLOW:
-                return failure(why.ename, why.evalue)
+                undefined = [f"name {name!r} is not defined" for name in (test.answer, test.group)]
+                # Other words, and names of one's own, could be made up of hidden cases.
+                name = why.ename if hasattr(builtins, why.ename) else "Error"
+                return failure(name, why.evalue if why.evalue in undefined else NO_WORDS)
         except TimeoutError:
             pass
         except Exception as error:
@@ -320,6 +324,7 @@ def failure(name: str, text: str) -> Any:
     return new_output("error", ename=name, evalue=text, traceback=[f"{name}: {text}"])
 
 
+NO_WORDS = "it ended the call of the answer; what else it says is not shown"
 NO_VERDICT = failure("NoPoints", "the test did not come to its end")
 
 
