@@ -12,6 +12,7 @@ from scipy.signal import cont2discrete
 from nrdob import NRDOB, LowPassFilter, delay
 from nrdob.digital import ActuatorLimits
 from nrdob.drives import Counting, Encoder, encoded
+from problemsets import once_a_case
 
 Route = Callable[[Any], Any]
 
@@ -55,6 +56,7 @@ def by_trapezoids(case: Any) -> tuple[float, float, float]:
     return first, second - a * first, a
 
 
+@once_a_case
 def behind(case: Any) -> tuple[NRDOB, float, float]:
     """Put the loop together that a program was made of, on the drive's own plant."""
     h, tables = case.dt, case.module
@@ -119,6 +121,7 @@ def largest_ms(case: Any, K: ct.TransferFunction) -> float:
     ))  # fmt: skip
 
 
+@once_a_case
 def scanned_shaft(case: Any, extra: float = 0.0) -> NRDOB:
     """Speed the filter up until Ms is near its limit; the model may have a part of the load."""
     model = 1 / ((case.motor + extra * case.load) * s + case.friction)

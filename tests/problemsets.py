@@ -5,8 +5,9 @@ from __future__ import annotations
 import ast
 import pickle
 import re
+from collections.abc import Callable
 from dataclasses import dataclass, replace
-from functools import cache
+from functools import cache, wraps
 from pathlib import Path
 from typing import Any
 
@@ -105,22 +106,30 @@ def run(path: Path, group: int, blank: bool = False) -> dict[str, Any]:
     return space
 
 
-KNOWN: dict[tuple[str, bytes], Any] = {}
-"""What the published answers give, by the problem and the case."""
+def once_a_case(answer: Callable[..., Any]) -> Callable[..., Any]:
+    """Let an answer be computed once for each case, however often it is asked for."""
+    known: dict[bytes, Any] = {}
+
+    @wraps(answer)
+    def remembered(*case: Any) -> Any:
+        key = pickle.dumps(case)
+        if key not in known:
+            known[key] = answer(*case)
+        return known[key]
+
+    return remembered
 
 
 def published(this: Posed, group: int) -> Any:
     """The published answer; it is asked once for each case."""
-    # A function of a case is the same for each group; a value is for the group's own case.
-    right = eval(this.answer, run(this.path, group if this.problem.own else 1))
+    if this.problem.own:
+        return eval(this.answer, run(this.path, group))
+    return _published(this.path, this.answer)  # a function of a case, the same for each group
 
-    def remembered(case: Any) -> Any:
-        key = this.id, pickle.dumps(case)
-        if key not in KNOWN:
-            KNOWN[key] = right(case)
-        return KNOWN[key]
 
-    return right if this.problem.own else remembered
+@cache
+def _published(path: Path, answer: str) -> Any:
+    return once_a_case(eval(answer, run(path, 1)))
 
 
 def rounded(value: Any, digits: int) -> Any:

@@ -20,7 +20,7 @@ from nrdob import NRDOB, LowPassFilter
 from nrdob.analysis import encirclements
 from nrdob_course.exercises import PROBLEMS, own_case, score
 from nrdob_course.exercises.cases import s
-from problemsets import SETS, Posed, posed, published, rounded
+from problemsets import SETS, Posed, once_a_case, posed, published, rounded
 
 Route = Callable[[Any], Any]
 
@@ -125,6 +125,7 @@ def scanned_filter(case: Any) -> NRDOB:
     raise AssertionError
 
 
+@once_a_case
 def circles(case: Any) -> list[str]:
     """Find the three points by walking along the real axis and the unit circle."""
     far = 1 / case.ms
@@ -161,6 +162,7 @@ def scanned_margins(case: Any) -> tuple[float, int]:
     raise AssertionError
 
 
+@once_a_case
 def asked_the_package(case: Any) -> Any:
     one = ct.tf([1], [1, 1])
     T = case.double_lag
@@ -174,6 +176,7 @@ def asked_the_package(case: Any) -> Any:
     return np.array([found[-1][0] for found in sets])
 
 
+@once_a_case
 def scanned_orders(case: Any) -> tuple[int, float]:
     zero = float(case.plant.zeros().real.max())
     best = (0.0, 0, 0.0)
@@ -232,6 +235,7 @@ def parity_by_counting(case: Any) -> list[str]:
     return found
 
 
+@once_a_case
 def bisected(case: Any) -> float:
     low, high = 1e-3 * case.process.delay, 20 * case.process.delay
     while high / low > 1.0002:
@@ -242,6 +246,7 @@ def bisected(case: Any) -> float:
     return high
 
 
+@once_a_case
 def edge_by_bisection(case: Any) -> list[Any]:
     def stable(value: float) -> bool | None:
         F = LowPassFilter(value, 2)
@@ -261,6 +266,7 @@ def more_lags(case: Any) -> tuple[Any, str]:
     return ([k], den / (20 * a) ** 2), "6"
 
 
+@once_a_case
 def turned_and_bisected(case: Any) -> float:
     """Bisect λ until the largest ``|F|·|1 - exp(-jωΔ)|`` is 1."""
     w = np.linspace(0, pi, 20_001)[1:] / case.error
@@ -287,6 +293,7 @@ def worst_dead_time(case: Any) -> float:
     return max(edges)
 
 
+@once_a_case
 def scanned_design(case: Any, step: float = 0.9) -> NRDOB:
     """Slow a filter down, or speed it up, until the feared plant is held as it should be."""
     model = case.gain / ((s + case.pole) * (s / case.decay + 1))
@@ -330,6 +337,7 @@ def measured_rejection(case: Any) -> float:
     return 1e-3 * wanted / size(case.other, one)
 
 
+@once_a_case
 def scanned_down(case: Any) -> float:
     edge = nrdob.stabilizing_time_constants(case.modified, case.model, 3)[-1][1]
     for value in np.linspace(0.98, 0.2, 60) * edge:
@@ -348,6 +356,7 @@ def searched_plants(case: Any) -> Any:
     raise AssertionError
 
 
+@once_a_case
 def peaks_on_a_grid(case: Any) -> Any:
     w = np.geomspace(1e-3, 1e4, 6000) * float(np.abs(case.model.poles()).min())
     found = []
@@ -359,6 +368,7 @@ def peaks_on_a_grid(case: Any) -> Any:
     return np.array(found)
 
 
+@once_a_case
 def another_design(case: Any) -> list[Any]:
     model = ct.tf([case.gain * case.pole * case.decay], np.poly([-case.pole, -case.decay]))
     controller = nrdob.design_controller(model, bandwidth=case.pole, phase_margin=60)
@@ -768,7 +778,7 @@ MISFITS = [
 def test_what_is_no_answer_is_told_kindly(this: Posed) -> None:
     for misfit in MISFITS:
         answer = misfit if this.problem.own else lambda case, misfit=misfit: misfit
-        found = score(this.id, answer, 2, points=1, seed=2).feedback
+        found = score(this.id, answer, 2, points=1, seed=900_002).feedback
         assert found.share < 1, misfit
         assert not re.search(r"Error\b", found.text), (misfit, found.text)
         assert len(found.text) < 1000

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import dataclass
 from pathlib import Path
 
 import nbformat
 import pytest
+from bs4 import BeautifulSoup
 
 from attacks import FORGERIES, LATER
 from exported import table
@@ -36,47 +38,70 @@ def forging(released: Path) -> Iterator[tuple[Notebook, dict[str, str]]]:
         yield notebook, tried
 
 
-@pytest.fixture(scope="module")
-def earned(released: Path, tmp_path_factory: pytest.TempPathFactory) -> dict[str, float]:
-    """What each attack got."""
-    place = tmp_path_factory.mktemp("forgers")
-    settings(place / "out")
-    tried = {}
-    for number, (notebook, names) in enumerate(forging(released)):
-        (place / "in" / f"n{number}").mkdir(parents=True)
-        nbformat.write(notebook, place / "in" / f"n{number}" / f"{NAME}.ipynb")
-        tried[f"n{number}"] = names
-    assert command.grade(place / "in", target=place / "out") == 0
-    rows = {row["student"]: row for row in table(place / "out" / "grades.csv")}
-    return {
-        name: float(rows[student][problem])
-        for student, names in tried.items()
-        for problem, name in names.items()
-    }
+KEEPS, RAISES = [each for each in CHECKED if not each.problem.own][:2]
 
 
-@pytest.mark.parametrize("name", FORGERIES)
-def test_no_attempt_to_forge_points_succeeds(name: str, earned: dict[str, float]) -> None:
-    assert earned[name] == 0
+def keeping(released: Path) -> Notebook:
+    """One answer is right, keeps the cases that it sees, and would show them at the end.
 
-
-def test_what_an_answer_remembers_of_hidden_cases_is_not_shown(released, tmp_path):
+    Another one would show them by what ends it, which no call takes for an error.
+    """
     notebook = right(released, "").notebook
-    this = next(each for each in CHECKED if not each.problem.own)
-    cell = cell_of(notebook, answer_cell(this))
-    cell.source += f"""
-KEPT, plain_answer = [], {this.answer}
-def {this.answer}(case):
+    cell_of(notebook, answer_cell(KEEPS)).source += f"""
+KEPT, plain_answer = [], {KEEPS.answer}
+def {KEEPS.answer}(case):
     KEPT.append(case)
+    return plain_answer(case)
+"""
+    cell_of(notebook, answer_cell(RAISES)).source += f"""
+def {RAISES.answer}(case, plain_answer={RAISES.answer}, seen=[]):
+    seen.append(case)
+    if len(seen) > 1:
+        raise type("kept", (BaseException,), {{}})("kept: " + repr(case))
     return plain_answer(case)
 """
     shows = nbformat.v4.new_code_cell("print('cases kept:', len(KEPT))", id="own-shows")
     notebook.cells.append(shows)
-    settings(tmp_path / "out")
-    (tmp_path / "in" / "anna").mkdir(parents=True)
-    nbformat.write(notebook, tmp_path / "in" / "anna" / f"{NAME}.ipynb")
-    assert command.grade(tmp_path / "in", target=tmp_path / "out") == 0
-    (row,) = table(tmp_path / "out" / "grades.csv")
-    assert float(row[this.id]) > 0
-    page = (tmp_path / "out" / "feedback" / "anna" / NAME / f"{NAME}.html").read_text("utf-8")
+    return notebook
+
+
+@dataclass
+class Graded:
+    """What became of all of them: the folder, the lines of the table, who tried what."""
+
+    out: Path
+    rows: dict[str, dict[str, str]]
+    tried: dict[str, tuple[str, str]]
+
+
+@pytest.fixture(scope="module")
+def graded(released: Path, tmp_path_factory: pytest.TempPathFactory) -> Graded:
+    """Grade them all, once."""
+    place = tmp_path_factory.mktemp("forgers")
+    settings(place / "out")
+    notebooks, tried = {"keeps": keeping(released)}, {}
+    for number, (notebook, names) in enumerate(forging(released)):
+        notebooks[f"n{number}"] = notebook
+        tried |= {name: (f"n{number}", problem) for problem, name in names.items()}
+    for student, notebook in notebooks.items():
+        (place / "in" / student).mkdir(parents=True)
+        nbformat.write(notebook, place / "in" / student / f"{NAME}.ipynb")
+    assert command.grade(place / "in", target=place / "out") == 0
+    rows = {row["student"]: row for row in table(place / "out" / "grades.csv")}
+    return Graded(place / "out", rows, tried)
+
+
+@pytest.mark.parametrize("name", FORGERIES)
+def test_no_attempt_to_forge_points_succeeds(name: str, graded: Graded) -> None:
+    student, problem = graded.tried[name]
+    assert float(graded.rows[student][problem]) == 0
+
+
+def test_what_an_answer_remembers_of_hidden_cases_is_not_shown(graded: Graded) -> None:
+    assert float(graded.rows["keeps"][KEEPS.id]) > 0
+    page = (graded.out / "feedback" / "keeps" / NAME / f"{NAME}.html").read_text("utf-8")
     assert "cases kept: 0" in page
+    assert float(graded.rows["keeps"][RAISES.id]) == 0
+    assert "Error: it ended the call of the answer" in page
+    text = BeautifulSoup(page, "html.parser").get_text()
+    assert "kept: " + repr(RAISES.problem.cases(RAISES.seed, 1)[0])[:20] not in text

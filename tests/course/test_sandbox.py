@@ -18,7 +18,7 @@ import nrdob
 from attacks import ESCAPES, PRELUDE
 from handin import FORGERIES, NAME, handed
 from nrdob_course.grading import command as exercises
-from nrdob_course.grading import sandbox, seccomp
+from nrdob_course.grading import disk, sandbox, seccomp
 from nrdob_course.grading.remarks import suspicious
 from problemsets import SETS
 
@@ -111,6 +111,29 @@ print(json.dumps(found))
     assert secret.read_text("utf-8") == "points"
     assert sorted(path.name for path in place.iterdir()) == ["gradebook.db", "socket", "workdir"]
     return dict(json.loads(done.stdout.splitlines()[-1]))
+
+
+@pytest.mark.skipif(os.name != "posix", reason="needs folders that are opened")
+def test_what_lies_too_deep_counts_as_too_much() -> None:
+    with disk.workdir() as workdir:
+        folder = os.open(workdir, os.O_RDONLY)
+        for _ in range(17):  # the path gets longer than Linux takes
+            os.mkdir("x" * 255, dir_fd=folder)
+            inner = os.open("x" * 255, os.O_RDONLY, dir_fd=folder)
+            os.close(folder)
+            folder = inner
+        os.close(folder)
+        assert disk.used(workdir, None)[0] > disk.MOST_FILES
+    assert not workdir.exists()
+
+
+@pytest.mark.skipif(os.name != "posix" or sandbox.is_root(), reason="nothing is locked for root")
+def test_what_is_locked_counts_as_too_much(tmp_path: Path) -> None:
+    (tmp_path / "locked").mkdir(mode=0o300)
+    try:
+        assert disk.used(tmp_path, None)[0] > disk.MOST_FILES
+    finally:
+        (tmp_path / "locked").chmod(0o700)
 
 
 @sandboxed

@@ -14,6 +14,7 @@ before the fork.
 
 from __future__ import annotations
 
+import builtins
 import json
 import os
 import shutil
@@ -73,7 +74,7 @@ def course(root: Path) -> NbGraderAPI:
 REMARKS: list[str] = []
 """What happened while the cells ran, each as often as it did; this process runs one notebook."""
 
-FORK_SERVERS: list[Child] = []  # what starts kernels quickly, if there is one: the last
+FORK_SERVERS: list[Child] = []  # what starts kernels quickly, if there is one
 
 GROUPS: list[Any] = []  # the groups that the answers were given for
 
@@ -159,7 +160,7 @@ class PatientExecute(Execute):  # type: ignore[misc]
         manager._kernel_spec = spec
         if FORK_SERVERS:
             manager.provisioner = Provisioner(kernel_id="", kernel_spec=spec, parent=manager)
-            manager.provisioner.server = FORK_SERVERS[-1]
+            manager.provisioner.server = FORK_SERVERS[0]
         self.km = manager
         return manager
 
@@ -238,7 +239,10 @@ class PatientExecute(Execute):  # type: ignore[misc]
             if why is None:
                 return failure("NoAnswer", "the answer was not told")
             if why.ename != TOO_SLOW:
-                return failure(why.ename, why.evalue)
+                undefined = [f"name {name!r} is not defined" for name in (test.answer, test.group)]
+                # Other words, and names of one's own, could be made up of hidden cases.
+                name = why.ename if hasattr(builtins, why.ename) else "Error"
+                return failure(name, why.evalue if why.evalue in undefined else NO_WORDS)
         except TimeoutError:
             pass
         except Exception as error:
@@ -320,6 +324,7 @@ def failure(name: str, text: str) -> Any:
     return new_output("error", ename=name, evalue=text, traceback=[f"{name}: {text}"])
 
 
+NO_WORDS = "it ended the call of the answer; what else it says is not shown"
 NO_VERDICT = failure("NoPoints", "the test did not come to its end")
 
 
@@ -403,9 +408,9 @@ def draw(source: str) -> None:
 
 def ready() -> None:
     """Start what starts kernels, where a process can be copied safely, or start it again."""
-    running = FORK_SERVERS and FORK_SERVERS[-1].process.poll() is None
+    running = FORK_SERVERS and FORK_SERVERS[0].process.poll() is None
     if sys.platform == "linux" and not running:
-        FORK_SERVERS.append(Child(KERNEL))
+        FORK_SERVERS[:] = [Child(KERNEL)]
 
 
 def run(root: str, student: str, name: str) -> int:

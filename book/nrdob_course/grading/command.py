@@ -142,12 +142,12 @@ def run(
     ready: list[tuple[str, Submission]], target: Path, records: Records, jobs: int, limit: float
 ) -> None:
     """Grade, and tell how it goes."""
-    for count, outcome in enumerate(Batch(target, jobs, limit).grade(ready), start=1):
-        entry = records.add(outcome.submission, outcome.reason, outcome.seconds)
-        if not outcome.reason:
-            with course(target).gradebook as gradebook:
+    with course(target).gradebook as gradebook:
+        for count, outcome in enumerate(Batch(target, jobs, limit).grade(ready), start=1):
+            entry = records.add(outcome.submission, outcome.reason, outcome.seconds)
+            if not outcome.reason:
                 marks.enter(gradebook, entry["folder"], outcome)
-        print(f"[{count:>{len(str(len(ready)))}}/{len(ready)}] {came_of(outcome)}", flush=True)
+            print(f"[{count:>{len(str(len(ready)))}}/{len(ready)}] {came_of(outcome)}", flush=True)
 
 
 def compare(
@@ -170,7 +170,7 @@ def compare(
         notebooks = {who: nbformat.read(place, as_version=4) for who, place in places.items()}
         copies = similar.copies(notebooks, skeleton, solutions[name])
         found = similar.pairs(notebooks, skeleton)
-        rows += [{"set": name, **line} for line in similar.told([*copies, *found])]
+        rows += [{"set": name, **line} for line in [*copies, *found]]
         if copies:
             print(f"{name}: {len(copies)} students have answers like the published ones: {path}")
         if found:

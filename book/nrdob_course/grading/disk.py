@@ -76,24 +76,34 @@ def watched(workdir: Path, kernel: Callable[[], int | None]) -> Iterator[Event]:
 
 
 def used(workdir: Path, pid: int | None) -> tuple[int, int]:
-    """Count the files below a folder and their bytes, with those deleted that are still open."""
+    """Count the files below a folder and their bytes, with those deleted that are still open.
+
+    What cannot be looked into, for it is locked or its path is too long, counts as too much.
+    """
     count = size = 0
     folders = [str(workdir)]
     while folders and count <= MOST_FILES:
         try:
             entries = list(os.scandir(folders.pop()))
-        except OSError:  # it has gone meanwhile
+        except GONE:
             continue
+        except OSError:
+            return MOST_FILES + 1, size
         for entry in entries:
             count += 1
             try:
                 found = entry.stat(follow_symlinks=False)
-            except OSError:
+            except GONE:
                 continue
+            except OSError:
+                return MOST_FILES + 1, size
             size += getattr(found, "st_blocks", 0) * 512 or found.st_size
-            if entry.is_dir(follow_symlinks=False):
+            if stat.S_ISDIR(found.st_mode):
                 folders.append(entry.path)
     return count, size + sum(_deleted(pid))
+
+
+GONE = (FileNotFoundError, NotADirectoryError)  # while it was looked at
 
 
 def _deleted(pid: int | None) -> Iterator[int]:
@@ -103,9 +113,7 @@ def _deleted(pid: int | None) -> Iterator[int]:
     except OSError:
         return
     for file in files:
-        try:
+        with suppress(OSError):  # it is closed meanwhile
             found = os.stat(file.path)
-        except OSError:
-            continue
-        if stat.S_ISREG(found.st_mode) and not found.st_nlink:
-            yield found.st_blocks * 512
+            if stat.S_ISREG(found.st_mode) and not found.st_nlink:
+                yield found.st_blocks * 512

@@ -13,6 +13,7 @@ import pickle
 from collections.abc import Iterable, Iterator
 from functools import cache
 from importlib import import_module
+from inspect import getsource
 from typing import Any
 
 from .. import exercises
@@ -26,12 +27,11 @@ TOOLS = {("cases", "factored"), ("figures", "draw_without_count"), ("set5", "dra
 
 def handout(problems: Iterable[str], group: Any) -> dict[str, Any]:
     """Give the sources that a kernel may import, by module, and the group's own cases."""
-    tools = {(module, name) for module, name in TOOLS if name in exercises.__all__}
     classes = (_Classes(case).found for case in _drawn(problems, group).values())
     return {
         "package": exercises.__name__,
-        "sources": cut(frozenset(tools.union(*classes))),
-        "tools": sorted(tools),
+        "sources": cut(frozenset(TOOLS.union(*classes))),
+        "tools": sorted(TOOLS),
         "group": group,
         "cases": own_cases(problems, group),
     }
@@ -110,10 +110,7 @@ def _without_others(node: ast.stmt, names: set[str]) -> ast.stmt:
 
 @cache
 def _tree(module: str) -> list[ast.stmt]:
-    file = import_module(f"{exercises.__name__}.{module}").__file__
-    assert file is not None
-    with open(file, encoding="utf-8") as source:
-        return ast.parse(source.read()).body
+    return ast.parse(getsource(import_module(f"{exercises.__name__}.{module}"))).body
 
 
 @cache

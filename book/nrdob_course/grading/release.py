@@ -18,12 +18,10 @@ from .autograde import SETTINGS, course
 from .platforms import pack
 
 __all__ = [
-    "COURSE", "MARKERS", "SOURCE", "CourseError", "found_course", "generate", "release", "sets_in",
-    "solved",
+    "MARKERS", "SOURCE", "CourseError", "found_course", "generate", "release", "sets_in", "solved",
 ]  # fmt: skip
 
-COURSE = Path(__file__).resolve().parents[1]
-SOURCE = COURSE / "sets" / "source"
+SOURCE = Path(__file__).resolve().parents[1] / "sets" / "source"
 
 MARKERS = re.compile(r"^.*(BEGIN|END) (SOLUTION|HIDDEN TESTS).*\n?", re.MULTILINE)
 

@@ -23,14 +23,15 @@ import io
 import re
 import tomllib
 import unicodedata
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from datetime import datetime, timedelta
 from math import ceil
+from os.path import isfile
 from pathlib import Path
 from typing import Any
 
-__all__ = ["UNPLANNED", "Course", "Student", "read_course", "read_table"]
+__all__ = ["UNPLANNED", "Course", "Student", "read_course", "read_table", "text_in"]
 
 
 @dataclass(frozen=True)
@@ -182,6 +183,8 @@ COLUMNS = {
     "identifier": ("id", "student id", "identifier", "id number", "matriculation", "number"),
     "name": ("name", "student", "full name"),
     "group": ("group",),
+    "first": ("first name",),
+    "last": ("last name", "surname"),
 }
 
 
@@ -191,31 +194,29 @@ def read_roster(path: Path) -> tuple[Student, ...]:
     A ValueError tells of a missing file or column, a group that is no whole number, and students
     who cannot be told apart.
     """
-    try:
-        there = path.is_file()
-    except OSError:  # a name longer than the system takes
-        there = False
-    if not there:
+    if not isfile(path):  # unlike the path's own method, also for a name that is too long
         raise ValueError(f"there is no roster {path}")
     rows = read_table(path)
     columns = {(column or "").strip().casefold(): column for column in (rows[0][1] if rows else ())}
-    where = {key: _first(columns, names) for key, names in COLUMNS.items()}
-    first, last = _first(columns, ("first name",)), _first(columns, ("last name", "surname"))
-    if not where["name"] and not (first and last):
+    where = {
+        key: next((columns[name] for name in names if name in columns), None)
+        for key, names in COLUMNS.items()
+    }
+    if not where["name"] and not (where["first"] and where["last"]):
         raise ValueError(f"{path.name} needs a column name; it has {', '.join(columns) or 'none'}")
     students: dict[tuple[str, str], Student] = {}
     for line, row in rows:
         if None in row:
             raise ValueError(f"{path.name}, line {line}: it has more cells than the first line")
-        name = row[where["name"]] if where["name"] else f"{row[first or '']} {row[last or '']}"
-        name = (name or "").strip()
+        found = {key: text_in(row, column) for key, column in where.items()}
+        full = f"{found['first']} {found['last']}".strip()
+        name, identifier = found["name"] if where["name"] else full, found["identifier"]
         if not name or name == "Points Possible":
             continue
-        text = (row[where["group"]] or "").strip() if where["group"] else ""
-        if text and not text.isdecimal():
-            told = f"the group of {name} is {text!r}, no whole number"
+        if found["group"] and not found["group"].isdecimal():
+            told = f"the group of {name} is {found['group']!r}, no whole number"
             raise ValueError(f"{path.name}, line {line}: {told}")
-        identifier = (row[where["identifier"]] or "").strip() if where["identifier"] else ""
+        group = int(found["group"]) if found["group"] else None
         given = {key: value or "" for key, value in row.items() if key}
         key = ("id", identifier) if identifier else ("name", name)
         if key in students:
@@ -223,7 +224,7 @@ def read_roster(path: Path) -> tuple[Student, ...]:
                 f"{path.name}, line {line}: {name} cannot be told from {students[key].name}, "
                 f"{'who has the same number' if identifier else 'for there is no number'}"
             )
-        students[key] = Student(name, identifier, int(text) if text else None, given)
+        students[key] = Student(name, identifier, group, given)
     return tuple(students.values())
 
 
@@ -250,5 +251,6 @@ def read_table(path: Path) -> list[tuple[int, dict[Any, Any]]]:
         raise ValueError(f"{path.name}, line {line}: {error}") from None
 
 
-def _first(columns: Mapping[str, str], names: Iterable[str]) -> str | None:
-    return next((columns[name] for name in names if name in columns), None)
+def text_in(row: Mapping[Any, str | None], column: str | None) -> str:
+    """Give what stands in a column of a row; empty if nothing does, or there is no such column."""
+    return (row.get(column) or "").strip()

@@ -11,14 +11,13 @@ from __future__ import annotations
 import ast
 import re
 from collections import Counter, defaultdict
-from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping
 from itertools import combinations
 from typing import Any
 
 from .remarks import parsed
 
-__all__ = ["PUBLISHED", "Pair", "copies", "pairs", "told"]
+__all__ = ["copies", "pairs"]
 
 RUN = 5  # symbols, or words, that are compared together
 FEWEST = 12  # runs that an answer must have, to be compared at all
@@ -28,17 +27,11 @@ COMMON, FEW = 0.25, 4
 PUBLISHED = "the published solution"
 
 
-@dataclass(frozen=True)
-class Pair:
-    """Two submissions with answers that are alike, and in which cells, with the shares."""
+def pairs(notebooks: Mapping[str, Any], given_out: Any) -> list[dict[str, str]]:
+    """Compare the cells of one set, by student; those with the most in common come first.
 
-    first: str
-    second: str
-    cells: tuple[tuple[str, float], ...]
-
-
-def pairs(notebooks: Mapping[str, Any], given_out: Any) -> list[Pair]:
-    """Compare the cells of one set, by student; those with the most in common come first."""
+    A line tells the two of whom answers are alike, in which cells, and the shares there.
+    """
     found = Found(list)
     for name, answers in _own(notebooks, given_out).items():
         for first, second, share in _alike(answers):
@@ -46,7 +39,7 @@ def pairs(notebooks: Mapping[str, Any], given_out: Any) -> list[Pair]:
     return _listed(found)
 
 
-def copies(notebooks: Mapping[str, Any], given_out: Any, solution: Any) -> list[Pair]:
+def copies(notebooks: Mapping[str, Any], given_out: Any, solution: Any) -> list[dict[str, str]]:
     """List who has answers that are those of the published solution, whole and hardly more."""
     published = _own({PUBLISHED: solution}, given_out)
     found = Found(list)
@@ -76,9 +69,16 @@ def _own(notebooks: Mapping[str, Any], given_out: Any) -> dict[str, dict[str, Ru
     return cells
 
 
-def _listed(found: Found) -> list[Pair]:
-    listed = [Pair(*both, tuple(sorted(shares))) for both, shares in found.items()]
-    return sorted(listed, key=lambda pair: (-len(pair.cells), pair.first, pair.second))
+def _listed(found: Found) -> list[dict[str, str]]:
+    return [
+        {
+            "first": first,
+            "second": second,
+            "cells": " ".join(name for name, _ in sorted(shares)),
+            "share": " ".join(f"{share:g}" for _, share in sorted(shares)),
+        }
+        for (first, second), shares in sorted(found.items(), key=lambda x: (-len(x[1]), x[0]))
+    ]
 
 
 def _alike(answers: Mapping[str, Runs]) -> Iterator[tuple[str, str, float]]:
@@ -117,16 +117,3 @@ def _symbols(tree: ast.AST) -> Iterator[str]:
                 yield repr(value)[:40]
             case _:
                 yield type(node).__name__
-
-
-def told(found: Iterable[Pair]) -> list[dict[str, Any]]:
-    """Write pairs as lines of a table."""
-    return [
-        {
-            "first": pair.first,
-            "second": pair.second,
-            "cells": " ".join(name for name, _ in pair.cells),
-            "share": " ".join(f"{share:g}" for _, share in pair.cells),
-        }
-        for pair in found
-    ]

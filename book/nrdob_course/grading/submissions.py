@@ -348,13 +348,13 @@ def repair(submission: Submission, released: Notebook, assigned: int | None = No
     """
     known = {cell.id: cell for cell in released.cells}
     cells, remarks = _recognised(submission.notebook, known)
-    missing = [cell.id for cell in released.cells if cell.id not in {c.id for c in cells}]
     group_cell = next(cell for cell in released.cells if cell.source.startswith("GROUP ="))
+    there = {group_cell.id, *(cell.id for cell in cells)}
+    missing = [cell.id for cell in released.cells if cell.id not in there]
     for previous, cell in zip([None, *released.cells], released.cells, strict=False):
-        if cell.id in missing and cell is not group_cell:
+        if cell.id in missing:
             before = (k for k, each in enumerate(cells, 1) if previous and each.id == previous.id)
             cells.insert(next(before, 0), deepcopy(cell))
-    missing = [name for name in missing if name != group_cell.id]
     if missing:
         remarks.append(f"put back: {_listed(missing)}")
     is_locked = [c for c in released.cells if _within(c, "metadata", "nbgrader", "locked")]

@@ -35,7 +35,7 @@ from .marks import (
     problem_of,
     write_table,
 )
-from .roster import read_table
+from .roster import read_table, text_in
 
 __all__ = [
     "LOG", "WRITTEN", "Key", "Typed", "answers_of", "apply", "log", "overridden", "override",
@@ -103,13 +103,13 @@ def read_written(
     }
     done: dict[Key, tuple[int, str]] = {}
     for line, row in rows:
-        text, comment = _cell(row, "points"), _cell(row, "comment")
+        text, comment = text_in(row, "points"), text_in(row, "comment")
         if not (text or comment):
             continue
-        who = _cell(row, "student") or _cell(row, "code")
-        entry = entries.get((harmless(who), row["set"]))
+        who = text_in(row, "student") or text_in(row, "code")
+        entry = entries.get((harmless(who), text_in(row, "set")))
         student = entry["student"] if entry else who
-        key = student, _cell(row, "set"), _cell(row, "problem")
+        key = student, text_in(row, "set"), text_in(row, "problem")
         grades = filter(to_be_marked, grades_of(gradebook, entry) if entry else [])
         grade = next((each for each in grades if problem_of(each.name) == key[2]), None)
         if entry is None or grade is None:
@@ -123,7 +123,7 @@ def read_written(
         if problem:
             whose = f"{student} {key[2]}: " if entry else ""
             typed.faults[key] = f"{path.name}, line {line}: {whose}{problem}. The line is kept"
-            typed.kept[key] = {name: _cell(row, name) for name in WRITTEN} | {"student": student}
+            typed.kept[key] = {name: text_in(row, name) for name in WRITTEN} | {"student": student}
             if done[key][0] != line:  # somebody has to decide
                 typed.kept[key] = {**typed.kept[key], "points": f"{done[key][1]} or {text}"}
         elif entry is not None and grade is not None:
@@ -134,10 +134,6 @@ def read_written(
             typed.entered.add(key)
     gradebook.db.commit()
     return typed
-
-
-def _cell(row: Mapping[str, str | None], name: str) -> str:
-    return (row.get(name) or "").strip()
 
 
 def wrong_points(text: str, most: float) -> str:
