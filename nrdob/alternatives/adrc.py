@@ -90,7 +90,8 @@ def linear_adrc(
     """
     family = adrc_filters(order, controller_bandwidth)
     model = _model(order, b0)
-    wo, wc = _bandwidth(observer_bandwidth, "observer_bandwidth"), float(controller_bandwidth)
+    wo = _bandwidth(observer_bandwidth, "observer_bandwidth")
+    wc = _bandwidth(controller_bandwidth, "controller_bandwidth")
     C: Any = wc / b0 if order == 1 else ct.tf([3 * wc**2, wc**3], [b0, 3 * wc * b0])
     return NRDOB(process, model, C, family.at(1 / wo))
 

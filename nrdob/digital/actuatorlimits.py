@@ -8,7 +8,8 @@ from math import inf, isfinite, isinf
 
 import numpy as np
 
-from ..numerics import FloatArray, is_real
+from ..diagram import real_number
+from ..numerics import FloatArray
 
 __all__ = ["ActuatorLimits", "Rule", "limited", "rounded"]
 
@@ -42,13 +43,10 @@ class ActuatorLimits:
     rate: float = inf
 
     def __post_init__(self) -> None:
-        for name in ("low", "high", "rate"):
-            if not is_real(value := getattr(self, name)):
-                raise TypeError(
-                    f"{name} is {value!r}; limits are numbers in the unit of u, and inf where "
-                    "there is none"
-                )
-        low, high, rate = float(self.low), float(self.high), float(self.rate)
+        remedy = "limits are numbers in the unit of u, and inf where there is none"
+        low, high, rate = (
+            real_number(getattr(self, name), name, remedy) for name in ("low", "high", "rate")
+        )
         if not low < high:
             raise ValueError(
                 f"the limits of u are low = {low:g} and high = {high:g}; low must be below high: "

@@ -231,6 +231,12 @@ def test_what_adrc_cannot_be_is_refused(change, error, message):
         linear_adrc(1 / s, **(given | change))
 
 
+def test_a_bandwidth_that_is_real_may_be_of_any_kind():
+    given = 1 / s, 1, 1.0
+    loops = linear_adrc(*given, 10.0, 2 + 0j), linear_adrc(*given, 10 + 0j, 2)
+    assert loops[0].controller == loops[1].controller == 2.0
+
+
 def test_axes_of_the_chart_must_span_a_factor_of_twenty():
     with pytest.raises(ValueError, match=r"b0 reaches from 1.0 to 2.0; .* a factor of 20 or more"):
         adrc_chart(1 / s, 1, 2.0, observer_bandwidth=(1, 100), b0=(1, 2))

@@ -335,8 +335,9 @@ def test_a_signal_that_cannot_be_is_refused_with_its_remedy(inputs, more, error,
         ((0.0, 1.0, 0.0), ValueError, "the rate limit is 0.*must be positive"),
         ((0.0, 1.0, -5.0), ValueError, "must be positive"),
         ((0.0, 1.0, np.nan), ValueError, "must be positive"),
-        (("0", 1.0), TypeError, "low is '0'; limits are numbers"),
+        (("0", 1.0), TypeError, "low is '0', a str; limits are numbers"),
         ((True, 2.0), TypeError, "low is True"),
+        ((10**400, 2.0), ValueError, "low = inf and high = 2"),  # too large for a float
     ],
 )
 def test_limits_that_leave_nothing_are_refused(limits, error, match):
