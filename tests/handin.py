@@ -15,9 +15,9 @@ import nbformat
 import numpy as np
 
 from nrdob_course.exercises.reviewing import HIDDEN_CASES
-from nrdob_course.grading import command as exercises
 from nrdob_course.grading.batch import Batch, Outcome
 from nrdob_course.grading.encoding import packed
+from nrdob_course.grading.release import MARKERS
 from problemsets import SOURCE, Posed, cells, nbgrader, posed
 
 NAME = "set2"
@@ -34,12 +34,6 @@ MAX = sum(POINTS.values())
 Notebook = Any
 
 
-def release(target: Path) -> Path:
-    """Give out the set that the tests use; the folder of what was given out."""
-    exercises.release([NAME], SOURCE, target, solutions=False)
-    return target / "release"
-
-
 def settings(target: Path) -> None:
     """Make a course whose cells have little time."""
     target.mkdir(parents=True, exist_ok=True)
@@ -51,7 +45,7 @@ def settings(target: Path) -> None:
 def solution(this: Posed) -> str:
     """The published answer, as a student would write it."""
     [source] = [c.source for c in cells(this.path) if c.id == answer_cell(this)]
-    return exercises.MARKERS.sub("", source)
+    return MARKERS.sub("", source)
 
 
 def answer_cell(this: Posed) -> str:

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import shutil
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from functools import cache
 from pathlib import Path
 
 import pytest
 from nbgrader import api
 
-from handin import release
+from handin import NAME
 from nrdob_course.grading import command
 from nrdob_course.grading.release import SOURCE, found_course, generate
 
@@ -26,16 +26,23 @@ def _asked_once() -> Iterator[None]:
         yield
 
 
-@pytest.fixture(scope="session", autouse=True)
-def _given_out_once(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
-    """Make the students' copy of a set once for all empty courses: all are alike."""
+@pytest.fixture(scope="session")
+def fresh(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], Path]:
+    """Make the students' copy of a set, once; the course must stay as it is."""
 
     @cache
-    def fresh(name: str) -> Path:
+    def course(name: str) -> Path:
         root = tmp_path_factory.mktemp("fresh")
         found_course(root)
         generate(root, SOURCE, name)
         return root
+
+    return course
+
+
+@pytest.fixture(scope="session", autouse=True)
+def _given_out_once(fresh: Callable[[str], Path]) -> Iterator[None]:
+    """Give it to all empty courses: all are alike."""
 
     def given_out(root: Path, source: Path, name: str) -> Path:
         if source != SOURCE or (root / "gradebook.db").exists():
@@ -51,6 +58,6 @@ def _given_out_once(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
 
 
 @pytest.fixture(scope="session")
-def released(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Give out, once, the set that is handed in; its folder must stay as it is."""
-    return release(tmp_path_factory.mktemp("released"))
+def released(fresh: Callable[[str], Path]) -> Path:
+    """What was given out of the set that is handed in."""
+    return fresh(NAME) / "release"

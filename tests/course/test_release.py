@@ -10,6 +10,7 @@ import pytest
 
 from handin import CHECKED, PATH
 from nrdob_course.grading import command as exercises
+from nrdob_course.grading.release import solved
 from problemsets import SETS, SOURCE, cells, nbgrader, posed
 
 # nbgrader gives out every set; it quarrels with its own database.
@@ -52,7 +53,7 @@ def test_the_release_holds_neither_solutions_nor_hidden_tests(path: Path, releas
 
 
 def test_the_solutions_run_and_hold_no_hidden_tests() -> None:
-    text = exercises.solved(PATH)
+    text = solved(PATH)
     assert "HIDDEN" not in text and "BEGIN SOLUTION" not in text
     assert str(CHECKED[0].seed) not in text
     outputs = str([cell.get("outputs") for cell in nbformat.reads(text, as_version=4).cells])

@@ -25,14 +25,12 @@ from .batch import Batch, Outcome
 from .marking import write_marking, write_tally
 from .marks import Record, Records, grades_of, number, problem_of, unmarked
 from .platforms import packed, unpacked
-from .release import MARKERS, SOURCE, CourseError, found_course, generate, release, sets_in, solved
+from .release import SOURCE, CourseError, found_course, generate, release, sets_in
 from .roster import UNPLANNED, Course, read_course
 from .submissions import NOTHING, Submission, find, repair
 from .written import Key, Typed, read_written, write_written
 
-__all__ = [
-    "MARKERS", "grade", "main", "override", "parse", "regrade", "release", "report", "solved",
-]  # fmt: skip
+__all__ = ["grade", "main", "override", "parse", "regrade", "release", "report"]
 
 ADVICE = SOURCE.parents[1] / "problems.toml"
 
@@ -323,12 +321,12 @@ def regrade(
     if not chosen:
         raise CourseError(f"nothing is graded of {', '.join(problems)}")
     released(target, {entry["set"] for entry in chosen})
-    entries = {(entry["folder"], entry["set"]): entry for entry in chosen}
+    entries = {(entry["student"], entry["set"]): entry for entry in chosen}
     ready = [(entry["folder"], Submission(entry["student"], entry["set"])) for entry in chosen]
     failed = 0
     for outcome in Batch(target, jobs, limit).grade(ready):
         submission = outcome.submission
-        entry = entries[records.folder_of(submission.student), submission.set]
+        entry = entries[submission.student, submission.set]
         if outcome.reason:
             failed += 1
             print(f"not regraded: {submission.name}: {outcome.reason}", flush=True)
