@@ -42,7 +42,6 @@ from .marks import (
     unmarked,
 )
 from .release import MARKERS
-from .submissions import PICTURES
 from .written import answers_of, to_be_marked
 
 __all__ = ["write_marking", "write_tally"]
@@ -118,7 +117,7 @@ def _answer(path: Path, entry: Record, grade: Any, gradebook: Gradebook) -> dict
 
 def _pictures(place: Path) -> Iterator[tuple[str, str]]:
     for file in sorted(place.iterdir()) if place.is_dir() else ():
-        kind = MIME.get(file.suffix.lower()) if file.suffix.lower() in PICTURES else None
+        kind = MIME.get(file.suffix.lower())
         if kind and file.is_file() and not file.is_symlink():
             data = base64.b64encode(file.read_bytes()).decode()
             yield file.name, f"data:image/{kind};base64,{data}"

@@ -28,7 +28,7 @@ from .platforms import Owner, owner_of
 from .remarks import parsed, suspicious
 from .roster import UNPLANNED, Course
 
-__all__ = ["NOTHING", "PICTURES", "Submission", "find", "group_of", "read", "repair"]
+__all__ = ["NOTHING", "Submission", "find", "group_of", "read", "repair"]
 
 Notebook = Any
 Cell = Any
