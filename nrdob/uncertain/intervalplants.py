@@ -21,9 +21,9 @@ interval plants, IEEE Trans. Automatic Control 34 (1989) 306-311.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
-from itertools import product
-from typing import NamedTuple
+from collections.abc import Callable, Mapping, Sequence
+from itertools import pairwise, product
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -35,6 +35,15 @@ __all__ = ["IntervalShares", "interval_plants", "largest_share"]
 HALVINGS = 50  # how often shares are halved
 
 Ends = tuple[FloatArray, FloatArray]
+Corner = tuple[int, int]
+
+CORNERS: list[Corner] = [(0, 0), (0, 1), (1, 1), (1, 0)]  # largest even, odd part, or least
+VERTICES = list(product(CORNERS, repeat=2))  # corners of D and of N
+EDGES = list(pairwise([*CORNERS, CORNERS[0]]))
+SEGMENTS = [
+    ends for (a, b), c in product(EDGES, CORNERS) for ends in (((a, c), (b, c)), ((c, a), (c, b)))
+]
+"""From vertex to vertex, along an edge in one of D and N."""
 
 
 class IntervalShares(NamedTuple):
@@ -93,17 +102,12 @@ def interval_plants(
 
     def free(share: float) -> bool:
         of_D, of_N = _times(_part(D, share), A), _times(_part(N, share), B)
-        corners = _corners((add(of_D[0], of_N[0]), add(of_D[1], of_N[1])))
-        return _all_left(list(corners.values()))
+        return _all_left(_corners((add(of_D[0], of_N[0]), add(of_D[1], of_N[1]))))
 
     def along_edges(share: float) -> bool:
-        corners = [_corners(_part(box, share)) for box in (D, N)]
-        ends = [
-            (add(np.convolve(d, A), np.convolve(n, B)), add(np.convolve(e, A), np.convolve(m, B)))
-            for (d, e), (n, m) in _segments(*corners)
-        ]
-        first = [start for start, _ in ends]
-        return _all_left(first) and all(_stays(start, end) for start, end in ends)
+        of_D, of_N = (_corners(_part(box, share)) for box in (D, N))
+        p = {(d, n): add(np.convolve(of_D[d], A), np.convolve(of_N[n], B)) for d, n in VERTICES}
+        return _all_left(p) and all(_stays(p[start], p[end]) for start, end in SEGMENTS)
 
     return IntervalShares(largest_share(free), largest_share(along_edges))
 
@@ -136,30 +140,20 @@ def _times(ends: Ends, fixed: FloatArray) -> Ends:
     )
 
 
-def _corners(ends: Ends) -> dict[tuple[int, int], FloatArray]:
+def _corners(ends: Ends) -> dict[Corner, FloatArray]:
     """Kharitonov's polynomials, by least or largest real and imaginary part at every frequency."""
     low, high = (end[::-1] for end in ends)  # ascending
     k = np.arange(low.size)
     rising = (k // 2) % 2 == 0  # powers whose coefficient adds to its part
     corners = {}
-    for even, odd in product((0, 1), repeat=2):
+    for even, odd in CORNERS:
         largest = np.where(k % 2 == 0, even, odd).astype(bool) == rising
         corners[even, odd] = np.where(largest, high, low)[::-1]
     return corners
 
 
-def _segments(
-    D: dict[tuple[int, int], FloatArray], N: dict[tuple[int, int], FloatArray]
-) -> Iterator[tuple[Ends, Ends]]:
-    """Give both ends of D and of N on every segment."""
-    edges = [((0, 0), (0, 1)), ((0, 0), (1, 0)), ((1, 1), (0, 1)), ((1, 1), (1, 0))]
-    for (a, b), corner in product(edges, D):
-        yield (D[a], D[b]), (N[corner], N[corner])
-        yield (D[corner], D[corner]), (N[a], N[b])
-
-
-def _all_left(polynomials: list[FloatArray]) -> bool:
-    p = np.array(polynomials).T
+def _all_left(polynomials: Mapping[Any, FloatArray]) -> bool:
+    p = np.array(list(polynomials.values())).T
     return bool(hurwitz(p, ROUNDING * np.abs(p))[0].all())
 
 
