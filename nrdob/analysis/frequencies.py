@@ -16,6 +16,7 @@ from ..numerics import (
     companion_roots,
     frequency_segments,
     polynomial_roots,
+    runs,
 )
 from .locus import Locus, factors_of
 from .nyquist import minus_point
@@ -112,9 +113,8 @@ def with_turns(locus: Locus, omega: FloatArray, *loops: Quotient) -> tuple[Float
         rise = np.diff(reach[k]) > PEAK
         peak = 1 + np.flatnonzero(rise[:-1] & (np.diff(reach[k])[1:] < -PEAK))
         large[peak[omega[peak] <= top]] = True
-        edges = np.flatnonzero(np.diff(large, prepend=False, append=False))
-        first = omega[np.maximum(edges[::2] - 1, 0)]
-        behind = omega[np.minimum(edges[1::2], omega.size - 1)]
+        first, behind = runs(large).T
+        first, behind = omega[np.maximum(first - 1, 0)], omega[np.minimum(behind, omega.size - 1)]
         first, behind = np.maximum(first - turn, omega[0]), behind + turn
         last[k] = max(behind.max(), omega[-1] / 10**DECADES + turn)
         step = RADIANS / delay

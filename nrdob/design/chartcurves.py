@@ -17,7 +17,7 @@ from contourpy import contour_generator
 from scipy.ndimage import binary_dilation
 
 from ..diagram import real_number
-from ..numerics import BoolArray, FloatArray, IntArray, bisect
+from ..numerics import BoolArray, FloatArray, IntArray, bisect, runs
 
 __all__ = [
     "BESIDE",
@@ -213,8 +213,7 @@ def _long_steps(axes: tuple[Axis, Axis], first: FloatArray, second: FloatArray) 
 
 def parts(good: BoolArray) -> Iterator[slice]:
     """Give the stretches over which something is true."""
-    edges = np.flatnonzero(np.diff(good, prepend=False, append=False))
-    yield from (slice(first, last) for first, last in zip(edges[::2], edges[1::2], strict=True))
+    yield from (slice(*run) for run in runs(good))
 
 
 def cut(x: Axis, y: Axis, border: Border) -> Iterator[Border]:

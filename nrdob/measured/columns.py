@@ -12,19 +12,9 @@ __all__ = ["Choice", "checked_columns", "chosen", "known"]
 
 # First words of a heading of times; t and ts are others, if no column of these is there.
 TIME = (
-    "time",
-    "timestamp",
-    "zeit",
-    "tempo",
-    "temps",
-    "tiempo",
-    "elapsed",
-    "seconds",
-    "sec",
-    "s",
-    "date",
-    "datetime",
-)
+    "time", "timestamp", "zeit", "tempo", "temps", "tiempo", "elapsed", "seconds", "sec", "s",
+    "date", "datetime",
+)  # fmt: skip
 
 BESIDE = (
     "time", "stamp", "in", "of", "since", "start", "elapsed", "utc", "local", "relative", "rel",
@@ -221,7 +211,7 @@ def _words(head: str) -> list[str]:
 
 
 def _is_time(head: str) -> int:
-    """2 for a heading of times, 1 for one that may be, as its unit is one of time, 0 for none."""
+    """2 for a heading of times, 1 for t, or a unit of time in brackets, 0 for any other."""
     first, *others = _words(head) or [""]
     if not others and first in UNITS and len(first) > 1 and first != "min":
         return 2

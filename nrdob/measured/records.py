@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from ..numerics import BoolArray, FloatArray, is_real
+from ..numerics import BoolArray, FloatArray, is_real, runs
 from .resampling import evenly_sampled
 
 __all__ = ["SHORTEST", "Record", "checked_record", "resolution"]
@@ -228,12 +228,11 @@ def _stopped(outputs: FloatArray) -> slice | None:
 
     No settling output does, whose steps become smaller; one that integrates keeps its noise.
     """
-    noise = np.abs(np.diff(outputs, 2))
+    noise, coarse = np.abs(np.diff(outputs, 2)), COARSE * resolution(outputs)
     moves = outputs[STUCK:] - outputs[:-STUCK]
     for extreme in (outputs.max(), outputs.min()):
         near = np.abs(outputs - extreme) <= CLOSE * np.ptp(outputs)
-        edges = np.flatnonzero(np.diff(near, prepend=False, append=False))
-        for first, behind in zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True):
+        for first, behind in runs(near).tolist():
             if behind - first < RESTS or first < 2 * STUCK:
                 continue
             before, last = moves[first - 2 * STUCK], moves[first - STUCK]
@@ -241,7 +240,7 @@ def _stopped(outputs: FloatArray) -> slice | None:
             fast = before * last > 0 and abs(last) > ABRUPT * np.abs(moves).max()
             usual = float(np.median(noise[: first - STUCK]))
             quiet = noise[first : behind - 2].mean() < QUIET * usual
-            if steady and fast and quiet and usual > COARSE * resolution(outputs):
+            if steady and fast and quiet and usual > coarse:
                 return slice(first, behind)
     return None
 

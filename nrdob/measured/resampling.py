@@ -79,12 +79,20 @@ def evenly_sampled(
             f"t goes from {t[k - 1]:.10g} to {t[k]:.10g} at {place(k)}; times must increase: put "
             f"the samples in order, and take out what stands twice (or, {IF_EVEN})"
         )
-    usual = float(np.median(steps))
-    off = np.abs(steps / usual - np.round(steps / usual))
-    if np.mean((off > JITTER) | (steps < 0.5 * usual)) > MISSING:
+    steps = steps / np.median(steps)
+    off = np.abs(steps - np.round(steps))
+    if np.mean((off > JITTER) | (steps < 0.5)) > MISSING:
         return _resampled(t, u, y, place)
-    index = np.concatenate([[0], np.cumsum(np.round(steps / usual).astype(int))])
-    spacing = float(span / index[-1])
+    index = np.concatenate([[0], np.cumsum(np.round(steps).astype(int))])
+    return _filled(t, u, y, place, index, float(off.max()))
+
+
+def _filled(
+    t: FloatArray, u: FloatArray, y: FloatArray, place: Callable[[int], str],
+    index: IntArray, off: float,
+) -> Sampled:  # fmt: skip
+    """Put samples on an even grid by their numbers; `off` is the largest error of an interval."""
+    spacing = float((t[-1] - t[0]) / index[-1])
     done = _gaps(index, t, u, place)
     size = int(index[-1]) + 1
     measured = np.zeros(size, dtype=bool)
@@ -94,8 +102,8 @@ def evenly_sampled(
         held = u[np.maximum.accumulate(np.where(measured, np.cumsum(measured) - 1, 0))]
     else:
         held = _averaged(t, u, grid)
-        apart = f"intervals between the times differ by up to {100 * off.max():.2g} %"
-        done.append((_resampling(t, y, grid, place, apart), off.max() <= 2 * EVEN))
+        apart = f"intervals between the times differ by up to {100 * off:.2g} %"
+        done.append((_resampling(t, y, grid, place, apart), off <= 2 * EVEN))
     notes, remarks = (
         tuple(said for said, small in done if small == kind) for kind in (True, False)
     )

@@ -1,7 +1,7 @@
 """Numbers only, no control theory: roots, crossings, polynomials with a delay."""
 
 from .argument import Term, frequency_range, rhp_counts, zero_free
-from .arrays import ROUNDING, BoolArray, ComplexArray, FloatArray, IntArray, is_real, is_whole
+from .arrays import ROUNDING, BoolArray, ComplexArray, FloatArray, IntArray, is_real, is_whole, runs
 from .coefficients import add, exponential, exponential_rest, pade
 from .crossings import bisect, golden, newton, side
 from .manypolynomials import convolved, hurwitz, padded_sum, values_and_slopes, values_on_axis
@@ -49,6 +49,7 @@ __all__ = [
     "polynomial_roots",
     "rhp_counts",
     "roots_by_time_scale",
+    "runs",
     "shared_factor",
     "side",
     "split",

@@ -8,7 +8,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["ROUNDING", "BoolArray", "ComplexArray", "FloatArray", "IntArray", "is_real", "is_whole"]
+__all__ = [
+    "ROUNDING", "BoolArray", "ComplexArray", "FloatArray", "IntArray", "is_real", "is_whole",
+    "runs",
+]  # fmt: skip
 
 FloatArray = NDArray[np.floating[Any]]
 ComplexArray = NDArray[np.complexfloating[Any, Any]]
@@ -37,3 +40,23 @@ def is_whole(value: object) -> bool:
     value : object
     """
     return isinstance(value, Integral) and not isinstance(value, bool)
+
+
+def runs(where: BoolArray) -> IntArray:
+    """Give the runs over which something is true.
+
+    Parameters
+    ----------
+    where : (N,) array of bool
+
+    Returns
+    -------
+    (n, 2) array of int
+        The first index of each run, and the one behind it.
+
+    Examples
+    --------
+    >>> runs(np.array([True, True, False, True])).tolist()
+    [[0, 2], [3, 4]]
+    """
+    return np.flatnonzero(np.diff(where, prepend=False, append=False)).reshape(-1, 2)

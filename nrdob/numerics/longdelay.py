@@ -15,7 +15,7 @@ from math import pi, tau
 import numpy as np
 
 from .argument import Term, argument_change
-from .arrays import ComplexArray, FloatArray
+from .arrays import ComplexArray, FloatArray, runs
 from .coefficients import add, pade
 from .rootfinding import Delayed, companion_roots, frequencies_beside, value_and_slope, vanishing
 
@@ -57,8 +57,7 @@ def _guesses(q: FloatArray, r: FloatArray, delay: float) -> ComplexArray:
     turn_of_delay = tau / delay
     beside = turn_of_delay * np.arange(-NEIGHBOURS, NEIGHBOURS + 1)
     near = [(peaks[:, None] + beside).ravel(), turn_of_delay * np.arange(0.05, NEIGHBOURS, 0.5)]
-    above = np.flatnonzero(np.diff(height > 0, prepend=False, append=False))
-    bands = [(omega[max(i - 1, 0)], omega[min(k, omega.size - 1)]) for i, k in above.reshape(-1, 2)]
+    bands = [(omega[max(i - 1, 0)], omega[min(k, omega.size - 1)]) for i, k in runs(height > 0)]
     if sum(high - low for low, high in bands) < SHOWN * turn_of_delay:
         near += [np.arange(low, high + turn_of_delay, turn_of_delay) for low, high in bands]
     s = 1j * np.maximum(np.abs(np.concatenate(near)), 1e-3 / delay)

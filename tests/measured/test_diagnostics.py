@@ -360,7 +360,6 @@ def test_a_sensor_that_rests_at_other_values_as_well_is_not_at_a_limit():
     assert "cut off by a limit" in said
 
 
-@pytest.mark.slow
 def test_a_body_that_runs_into_a_stop_is_told_from_one_that_is_switched_off():
     # An inclined rail: the ball runs ever faster, until it lies against the end, where the sensor
     # sees it without noise. A motor that is switched off keeps its angle, and the noise.
@@ -370,14 +369,15 @@ def test_a_body_that_runs_into_a_stop_is_told_from_one_that_is_switched_off():
     ball = 0.01 * np.maximum(t - 105, 0.0) ** 2
     noise = rng.standard_normal(300)
     y = np.where(ball < 60, ball + noise, 60 + 0.1 * noise)
-    (said,) = [each for each in told(t, u, y) if "limit" in each]
+    (said,) = checked_record(t, u, y).remarks
     assert "until sample 182, and then rests at 60" in said
     assert "these 118 samples are left out" in said
     on = (t >= 100) & (t < 180)
     angle = np.cumsum(on * 0.7)
-    assert not [each for each in told(t, on * 1.0, angle + noise) if "limit" in each]
+    assert not checked_record(t, on * 1.0, angle + noise).remarks
 
 
+@pytest.mark.slow
 def test_a_limit_is_told_only_where_with_it_the_record_is_explained():
     rng = np.random.default_rng(3)
     t, u, _ = lag(np.repeat(rng.uniform(0, 10, 40), 15))

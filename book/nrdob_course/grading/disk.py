@@ -19,6 +19,7 @@ __all__ = ["MOST_BYTES", "MOST_FILES", "used", "watched", "workdir"]
 
 MOST_BYTES, MOST_FILES = 100 << 20, 2000
 INTERVAL = 0.25
+GONE = (FileNotFoundError, NotADirectoryError)  # while it was looked at
 
 
 @contextmanager
@@ -101,9 +102,6 @@ def used(workdir: Path, pid: int | None) -> tuple[int, int]:
             if stat.S_ISDIR(found.st_mode):
                 folders.append(entry.path)
     return count, size + sum(_deleted(pid))
-
-
-GONE = (FileNotFoundError, NotADirectoryError)  # while it was looked at
 
 
 def _deleted(pid: int | None) -> Iterator[int]:
