@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -13,6 +13,7 @@ from bs4 import BeautifulSoup
 from attacks import FORGERIES, LATER
 from exported import table
 from handin import CHECKED, NAME, Notebook, answer_cell, cell_of, right, settings
+from nrdob_course.exercises.reviewing import HIDDEN_CASES
 from nrdob_course.grading import command, sandbox
 
 pytestmark = [
@@ -38,28 +39,39 @@ def forging(released: Path) -> Iterator[tuple[Notebook, dict[str, str]]]:
         yield notebook, tried
 
 
-KEEPS, RAISES = [each for each in CHECKED if not each.problem.own][:2]
+KEEPS, *OTHERS = sorted(CHECKED, key=lambda each: each.problem.own)
+CARRIED = (
+    "return ' '.join(KEPT)",  # a wrong result
+    "raise ValueError(' '.join(KEPT))",
+    "raise type('kept', (BaseException,), {})(' '.join(KEPT))",  # no call takes it for an error
+    "return {'in no form': KEPT}",
+)
+"""How the answer to one problem would show the cases of an earlier one."""
+
+UNREAD = """
+from nrdob_course.grading import encoding
+encode = encoding.encode
+encoding.encode = lambda it: {" ".join(KEPT): []} if it == {"in no form": KEPT} else encode(it)
+"""
 
 
-def keeping(released: Path) -> Notebook:
-    """One answer is right, keeps the cases that it sees, and would show them at the end.
+KEEPING = {"keeper": CARRIED, "keeper2": CARRIED[::-1]}
 
-    Another one would show them by what ends it, which no call takes for an error.
-    """
+
+def keeping(released: Path, ways: Sequence[str]) -> Notebook:
+    """One answer is right, and keeps the cases that it sees; the others would show them."""
     notebook = right(released, "").notebook
     cell_of(notebook, answer_cell(KEEPS)).source += f"""
 KEPT, plain_answer = [], {KEEPS.answer}
 def {KEEPS.answer}(case):
-    KEPT.append(case)
+    KEPT.append("kept: " + repr(case))
     return plain_answer(case)
+{UNREAD}
 """
-    cell_of(notebook, answer_cell(RAISES)).source += f"""
-def {RAISES.answer}(case, plain_answer={RAISES.answer}, seen=[]):
-    seen.append(case)
-    if len(seen) > 1:
-        raise type("kept", (BaseException,), {{}})("kept: " + repr(case))
-    return plain_answer(case)
-"""
+    for this, way in zip(OTHERS, ways, strict=False):
+        told = f"{this.answer} = KEPT" if this.problem.own else ""
+        source = told or f"def {this.answer}(case):\n    {way}"
+        cell_of(notebook, answer_cell(this)).source = source
     shows = nbformat.v4.new_code_cell("print('cases kept:', len(KEPT))", id="own-shows")
     notebook.cells.append(shows)
     return notebook
@@ -79,7 +91,8 @@ def graded(released: Path, tmp_path_factory: pytest.TempPathFactory) -> Graded:
     """Grade them all, once."""
     place = tmp_path_factory.mktemp("forgers")
     settings(place / "out")
-    notebooks, tried = {"keeps": keeping(released)}, {}
+    notebooks = {name: keeping(released, ways) for name, ways in KEEPING.items()}
+    tried = {}
     for number, (notebook, names) in enumerate(forging(released)):
         notebooks[f"n{number}"] = notebook
         tried |= {name: (f"n{number}", problem) for problem, name in names.items()}
@@ -97,11 +110,16 @@ def test_no_attempt_to_forge_points_succeeds(name: str, graded: Graded) -> None:
     assert float(graded.rows[student][problem]) == 0
 
 
-def test_what_an_answer_remembers_of_hidden_cases_is_not_shown(graded: Graded) -> None:
-    assert float(graded.rows["keeps"][KEEPS.id]) > 0
-    page = (graded.out / "feedback" / "keeps" / NAME / f"{NAME}.html").read_text("utf-8")
-    assert "cases kept: 0" in page
-    assert float(graded.rows["keeps"][RAISES.id]) == 0
-    assert "Error: it ended the call of the answer" in page
+@pytest.mark.parametrize("name", KEEPING)
+def test_what_an_answer_remembers_of_hidden_cases_is_not_shown(name: str, graded: Graded) -> None:
+    row = graded.rows[name]
+    assert float(row[KEEPS.id]) > 0
+    assert all(float(row[this.id]) == 0 for this in OTHERS)
+    page = (graded.out / "feedback" / name / NAME / f"{NAME}.html").read_text("utf-8")
     text = BeautifulSoup(page, "html.parser").get_text()
-    assert "kept: " + repr(RAISES.problem.cases(RAISES.seed, 1)[0])[:20] not in text
+    # The own case is the student's, and what comes of it is shown.
+    own, *hidden = KEEPS.problem.cases(5, 1) + KEEPS.problem.cases(KEEPS.seed, HIDDEN_CASES)
+    assert "cases kept: 1" in text
+    assert text.count(f"kept: {own!r}") >= len(OTHERS)
+    assert not [case for case in hidden if repr(case) in text]
+    assert "kept" not in str(row)

@@ -193,7 +193,7 @@ def test_two_kinds_of_mistake_at_once_are_not_taken_for_one() -> None:
         (ct.tf([1], [1, 2, 1]), "the answer 1/(s + 1)² fails"),
         (delay(0.5) * ct.tf([1], [1, 1]), "the answer exp(−0.5s) 1/(s + 1) fails"),
         (ct.ss(-1, 1, 1, 0), "the answer an object of type StateSpace fails"),
-        (ct.tf([[[1], [2]]], [[[1, 1], [1, 2]]]), "(a system of 2 inputs and 1 outputs)"),
+        (ct.tf([[[1], [2]]], [[[1, 1], [1, 2]]]), "(a system with inputs: 2, outputs: 1)"),
     ],
 )
 def test_a_block_is_shown_without_the_number_that_counts_blocks(answer, shown) -> None:
@@ -448,7 +448,7 @@ SIDES = pose(
 def test_independent_parts_are_marked_apart() -> None:
     found = review(SIDES, lambda case: (4 * case.side, 1000.0), CASES)
     assert found.share == 0.5
-    assert "Right in every case: around" in found.text
+    assert found.notes == ("Right in every case: around.",)
     assert review(SIDES, lambda case: (1000.0, 1000.0), CASES).share == 0
 
 

@@ -9,6 +9,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Iterator
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -22,12 +23,12 @@ from nbgrader.preprocessors import Execute
 
 import nrdob
 from nrdob import LowPassFilter
-from nrdob_course.exercises import PROBLEMS, score
+from nrdob_course.exercises import PROBLEMS, Feedback, score
 from nrdob_course.grading import encoding
 from nrdob_course.grading.autograde import PatientExecute
 from nrdob_course.grading.encoding import decode, encode
 from nrdob_course.grading.handout import handout
-from nrdob_course.grading.judge import HiddenTest, asking, hidden_test, judge, judge_apart
+from nrdob_course.grading.judge import HiddenTest, apart, asking, hidden_test, judge, look
 from problemsets import SETS, SOURCE, posed, run
 
 s = ct.tf("s")
@@ -186,6 +187,16 @@ def kernel(monkeypatch: pytest.MonkeyPatch) -> Iterator[Any]:
     return asks
 
 
+TEST = HiddenTest("2.1", "encirclements", "GROUP", {"points": 3, "seed": 1})
+
+
+def judged(test: HiddenTest | None, ask: Any) -> tuple[Feedback, Any]:
+    """Judge an answer as it is graded, only that both kernels are the same."""
+    assert test is not None
+    own, group = look(test, ask)
+    return judge(test, own, group, ask), group
+
+
 def test_every_hidden_test_is_read() -> None:
     for path in SETS:
         for this in posed(path):
@@ -200,10 +211,8 @@ def test_every_hidden_test_is_read() -> None:
 def test_judged_apart_is_judged_alike(path: Path, kernel: Any) -> None:
     space = {**run(path, 5), "GROUP": 5}
     for this in posed(path):
-        test = hidden_test(this.cell.source)
-        assert test is not None
-        points, group = judge(test, kernel(space))
-        assert (points, group) == (this.points, 5), this.id
+        found, group = judged(hidden_test(this.cell.source), kernel(space))
+        assert (found.share, group) == (1, 5), this.id
 
 
 @pytest.mark.parametrize(
@@ -228,12 +237,10 @@ def test_what_goes_wrong_is_told_as_the_check_tells_it(
     file.write_text(source, "utf-8")
     space: dict[str, Any] = {"GROUP": 3}
     exec(compile(source, str(file), "exec"), space)
-    test = hidden_test('score("2.1", encirclements, GROUP, points=3, seed=1)')
-    assert test is not None
-    points, _ = judge(test, kernel(space))
-    assert points == 0
-    assert says in points._repr_html_()
-    assert "raise type" not in points._repr_html_()
+    found, _ = judged(TEST, kernel(space))
+    assert found.share == 0
+    assert says in found.text
+    assert "raise type" not in found.text
 
 
 def test_a_tampered_grader_gives_no_points(kernel: Any, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -242,12 +249,10 @@ def test_a_tampered_grader_gives_no_points(kernel: Any, monkeypatch: pytest.Monk
 
     def ask(source: str) -> str:
         asked.append(source)
-        value = {"function": True} if len(asked) == 2 else {"value": 5, "share": 1, "points": 3}
-        return json.dumps(value)
+        value = {"value": 5, "share": 1, "points": 3}
+        return json.dumps({"function": True} if source == asking("encirclements") else value)
 
-    test = hidden_test('score("2.1", encirclements, GROUP, points=3, seed=1)')
-    assert test is not None
-    assert judge(test, ask)[0] == 0
+    assert judged(TEST, ask)[0].share == 0
     assert all("score" not in source and "seed" not in source for source in asked)
 
 
@@ -260,15 +265,11 @@ def test_neither_seed_nor_key_is_sent() -> None:
 
 
 def test_the_points_are_those_of_score(kernel: Any) -> None:
-    wrong = 'score("2.1", encirclements, GROUP, points=3, seed=1)'
-    test = hidden_test(wrong)
-    assert test is not None
-
     def encirclements(case: Any) -> Any:
         return -PROBLEMS["2.1"].misconceptions[0].example(case)
 
-    points, group = judge(test, kernel({"encirclements": encirclements, "GROUP": "7"}))
-    assert points == score("2.1", encirclements, "7", points=3, seed=1)
+    found, group = judged(TEST, kernel({"encirclements": encirclements, "GROUP": "7"}))
+    assert found == score("2.1", encirclements, "7", points=3, seed=1).feedback
     assert group == "7"
 
 
@@ -279,45 +280,36 @@ def test_another_kind_of_test_is_left_to_nbgrader() -> None:
 # --- in a process of its own ---------------------------------------------------------------------
 
 forks = pytest.mark.skipif(not hasattr(os, "fork"), reason="needs a process that can be copied")
-TEST = HiddenTest("2.1", "encirclements", "GROUP", {"points": 3, "seed": 1})
 
 
 def test_judged_in_a_process_of_its_own_it_is_judged_alike(kernel: Any) -> None:
     ask = kernel({"GROUP": 5, "encirclements": PROBLEMS["2.1"].misconceptions[0].example})
-    points, group = judge_apart(TEST, ask, 60)
-    expected, _ = judge(TEST, ask)
-    assert (points, points.feedback, group) == (expected, expected.feedback, 5)
+    assert apart(partial(look, TEST), ask, 60) == look(TEST, ask)
 
 
 @forks
-def test_a_verdict_that_takes_too_long_is_given_up(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("nrdob_course.grading.judge.score", lambda *any, **more: time.sleep(600))
+def test_a_verdict_that_takes_too_long_is_given_up() -> None:
     with pytest.raises(TimeoutError):
-        judge_apart(TEST, lambda source: '{"value": 5}', 0.5)
+        apart(lambda ask: time.sleep(600), str, 0.5)
 
 
 @forks
-def test_a_verdict_that_takes_too_much_memory_is_given_up(monkeypatch: pytest.MonkeyPatch) -> None:
-    def greedy(*any: Any, **more: Any) -> Any:
-        return [bytes(400 << 20) for _ in range(5)]
-
-    monkeypatch.setattr("nrdob_course.grading.judge.score", greedy)
+def test_a_verdict_that_takes_too_much_memory_is_given_up() -> None:
     with pytest.raises(ValueError, match="MemoryError"):
-        judge_apart(TEST, lambda source: '{"value": 5}', 60)
+        apart(lambda ask: [bytes(400 << 20) for _ in range(5)], str, 60)
 
 
 @forks
-def test_a_process_that_ends_without_a_verdict_gives_none(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("nrdob_course.grading.judge.score", lambda *any, **more: os._exit(1))
+def test_a_process_that_ends_without_a_verdict_gives_none() -> None:
     with pytest.raises(MemoryError):
-        judge_apart(TEST, lambda source: '{"value": 5}', 60)
+        apart(lambda ask: os._exit(1), str, 60)
 
 
 def test_a_group_is_a_number_or_a_short_text() -> None:
     def ask(source: str) -> str:
         return json.dumps({"value": "5" * 10**6})
 
-    assert judge(TEST, ask)[1] == "5" * 50
+    assert look(TEST, ask)[1] == "5" * 50
 
 
 # --- what is handed out --------------------------------------------------------------------------

@@ -25,7 +25,7 @@ from .set5 import draw_edge
 
 __all__ = [
     "BUDGET", "PROBLEMS", "Feedback", "Misconception", "Points", "Problem", "check", "draw_edge",
-    "draw_without_count", "factored", "own_case", "score",
+    "draw_without_count", "factored", "judge_all", "judge_own", "own_case", "score",
 ]  # fmt: skip
 
 _SETS = [name for _, name, _ in iter_modules(__path__) if re.match(r"set\d", name)]
@@ -96,15 +96,41 @@ def score(id: str, answer: Any, group: int, points: float, seed: int) -> Points:
     seed : int
         Hidden seed of the cases that the student has not seen.
     """
-    problem = _problem(id)
-    own = problem.drawn(group, 1)
-    cases = own if problem.own else own + problem.drawn(seed, HIDDEN_CASES)
     with (
         open(os.devnull, "w", encoding="utf-8") as nowhere,
         contextlib.redirect_stdout(nowhere),
         contextlib.redirect_stderr(nowhere),
     ):
-        return Points(review(problem, answer, cases, shown=1), points)
+        return Points(judge_all(id, answer, group, seed, judge_own(id, answer, group)), points)
+
+
+def judge_own(id: str, answer: Any, group: Any) -> Feedback:
+    """Judge an answer on the group's own case, of which anything can be said.
+
+    Parameters
+    ----------
+    id, answer, group : str, object, int
+        As of `score`.
+    """
+    problem = _problem(id)
+    return review(problem, answer, problem.drawn(group, 1))
+
+
+def judge_all(id: str, answer: Any, group: Any, seed: int, own: Feedback) -> Feedback:
+    """Judge an answer on the own case and the hidden ones, of which nothing is said.
+
+    Parameters
+    ----------
+    id, answer, group, seed : str, object, int, int
+        As of `score`.
+    own : Feedback
+        What `judge_own` gave. An answer that is a value has nothing to add to it.
+    """
+    problem = _problem(id)
+    if problem.own:
+        return own
+    cases = problem.drawn(group, 1) + problem.drawn(seed, HIDDEN_CASES)
+    return review(problem, answer, cases, told="" if own.share == 1 else own.text)
 
 
 def _problem(id: str) -> Problem:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import builtins
 import copy
 import time
 import traceback
@@ -24,8 +23,8 @@ from .problems import BUDGET, Case, Feedback, Lack, Misconception, Problem, text
 from .reading import UnreadableError
 
 __all__ = [
-    "BLANK", "HARD_CODED", "HIDDEN", "HIDDEN_CASES", "NOBODY", "NOTHING", "NOT_NOW", "OTHER",
-    "ROUNDED", "TOO_SLOW", "VISIBLE_CASES", "review", "timed",
+    "BLANK", "ENDED", "HARD_CODED", "HIDDEN", "HIDDEN_CASES", "NOBODY", "NOTHING", "NOT_NOW",
+    "OTHER", "ROUNDED", "TOO_SLOW", "VISIBLE_CASES", "review", "timed",
 ]  # fmt: skip
 
 VISIBLE_CASES, HIDDEN_CASES = 4, 8
@@ -33,17 +32,18 @@ VISIBLE_CASES, HIDDEN_CASES = 4, 8
 _SAID = {name: words(text) for name, text in texts_of("reviewing").items()}
 BLANK, NOTHING, SOMETIMES = (_SAID[name] for name in ("blank", "nothing", "sometimes"))
 ROUNDED, TOO_SLOW, HARD_CODED = (_SAID[name] for name in ("rounded", "too slow", "hard-coded"))
-HIDDEN, NOT_NOW, NOBODY = (_SAID[name] for name in ("hidden", "not now", "nobody"))
-OTHER = "a case that is not your own"
+HIDDEN, ENDED, OTHER = (_SAID[name] for name in ("hidden", "ended", "other"))
+NOT_NOW, NOBODY = (_SAID[name] for name in ("not now", "nobody"))
 KEPT = 0.75  # share of the points for a right answer that was rounded
 
 
 def review(
-    problem: Problem, answer: Any, cases: Iterable[Case], shown: int | None = None
+    problem: Problem, answer: Any, cases: Iterable[Case], told: str | None = None
 ) -> Feedback:
     """Judge an answer on some cases; the value for an own case on the first one only.
 
-    What is said tells nothing of the cases beyond those that may be `shown`.
+    Where some of them are hidden, `told` is what was said of the first one, empty if it was right.
+    Then nothing else is said but sentences that hold nothing of a case or of an answer.
     """
     if answer is None or answer is Ellipsis:
         return Feedback(0.0, BLANK)
@@ -52,19 +52,19 @@ def review(
     if not callable(answer):
         return Feedback(0.0, "The answer must be a function of a case; this is a value.")
     tried: list[_Tried] = []
-    for count, case in enumerate(cases):
-        seen = case if shown is None or count < shown else OTHER
+    for case in cases:
         try:
             # A copy, so that an answer which changes its case is judged on the case it was given.
             got = _quietly(answer, copy.deepcopy(case))
         except NotImplementedError:
             return Feedback(0.0, BLANK)
         except (Exception, SystemExit) as error:
-            return Feedback(0.0, _told(error, answer, seen))
+            return Feedback(0.0, _ended(error, answer, case) if told is None else told or ENDED)
         if got is None or got is Ellipsis:
-            return Feedback(0.0, SOMETIMES.format(case=seen) if tried else NOTHING)
+            nothing = SOMETIMES.format(case=case if told is None else OTHER) if tried else NOTHING
+            return Feedback(0.0, told or nothing)
         tried.append(_tried(problem, case, got))
-    return _judge(problem, tried, shown)
+    return _judge(problem, tried, told)
 
 
 def timed(problem: Problem, answer: Any, cases: Sequence[Case], graded: int) -> Feedback:
@@ -77,7 +77,7 @@ def timed(problem: Problem, answer: Any, cases: Sequence[Case], graded: int) -> 
     note = f"When it is graded it takes about {seconds:.2g} s of the {BUDGET:g} s allowed."
     if seconds > BUDGET:
         found = replace(found, share=0.0, text=TOO_SLOW if found.share == 1 else found.text)
-    return replace(found, notes=(note,))
+    return replace(found, notes=(*found.notes, note))
 
 
 def _quietly(function: Callable[..., Any], *arguments: Any) -> Any:
@@ -87,16 +87,13 @@ def _quietly(function: Callable[..., Any], *arguments: Any) -> Any:
         return function(*arguments)
 
 
-def _told(error: BaseException, answer: Any, case: Case) -> str:
-    """Tell an error, and the line of the answer that it comes from; no words of it for `OTHER`."""
-    name = type(error).__name__
-    if case is OTHER:  # a name, too, can be made up of what nobody is to see
-        name = f", {name}," if hasattr(builtins, name) else ""
-        return f"Your function ends with an error{name} for {OTHER}. {HIDDEN.partition('. ')[2]}"
+def _ended(error: BaseException, answer: Any, case: Case) -> str:
+    """Tell an error, and the line of the answer that it comes from."""
     file = getattr(getattr(answer, "__code__", None), "co_filename", None)
     frames = traceback.extract_tb(error.__traceback__)
     lines = [frame.line for frame in frames if frame.filename == file]
     where = f" In the line: {lines[-1]}" if lines and lines[-1] else ""
+    name = type(error).__name__
     return f"Your function ends with an error, {name}, for {case}: {error}.{where}"
 
 
@@ -118,7 +115,7 @@ def _text(value: Any) -> str:
     if isinstance(value, DelayedTransferFunction) or (isinstance(value, ct.LTI) and value.issiso()):
         return factored(value)
     if isinstance(value, ct.InputOutputSystem):
-        return f"(a system of {value.ninputs} inputs and {value.noutputs} outputs)"
+        return f"(a system with inputs: {value.ninputs}, outputs: {value.noutputs})"
     if isinstance(value, np.ndarray):
         return _text(value.tolist())
     if isinstance(value, dict):
@@ -158,7 +155,7 @@ def _tried(problem: Problem, case: Case, given: Any) -> _Tried:
     return _Tried(case, given, got, lack)
 
 
-def _judge(problem: Problem, tried: Sequence[_Tried], shown: int | None = None) -> Feedback:
+def _judge(problem: Problem, tried: Sequence[_Tried], told: str | None = None) -> Feedback:
     failing = [each for each in tried if each.lack]
     if not failing:
         return Feedback(1.0, problem.praise)
@@ -183,12 +180,9 @@ def _judge(problem: Problem, tried: Sequence[_Tried], shown: int | None = None) 
         return Feedback(0.0, HARD_CODED, "hard-coded")
     worst = failing[0]
     text = f"Not yet. For {worst.case} the answer {_shown(worst.given)} fails: {worst.lack}"
-    if shown is not None and tried.index(worst) >= shown:
-        text = HIDDEN
-    if earned:
-        text += f"{'' if text == HIDDEN else '.'} (Right in every case: "
-        text += f"{', '.join(name for name in right if right[name])}.)"
-    return Feedback(earned, text)
+    parts = ", ".join(name for name in right if right[name])
+    notes = (f"Right in every case: {parts}.",) if parts else ()
+    return Feedback(earned, text if told is None else told or HIDDEN, notes=notes)
 
 
 def _right_parts(problem: Problem, tried: Sequence[_Tried]) -> dict[str, bool]:

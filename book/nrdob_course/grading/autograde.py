@@ -14,7 +14,6 @@ before the fork.
 
 from __future__ import annotations
 
-import builtins
 import json
 import os
 import shutil
@@ -23,7 +22,9 @@ import sys
 import time
 import traceback
 import warnings
+from collections.abc import Callable
 from copy import deepcopy
+from functools import partial
 from math import ceil
 from pathlib import Path
 from typing import Any
@@ -40,11 +41,12 @@ from traitlets.config import Config
 from traitlets.config.loader import PyFileConfigLoader
 
 from .. import exercises
+from ..exercises import Feedback, Points
 from . import disk, encoding, sandbox
 from .children import Child, Provisioner, end, serve
 from .feedback import offline
 from .handout import handout, own_cases
-from .judge import HiddenTest, Stopped, hidden_test, judge_apart
+from .judge import Ask, HiddenTest, Stopped, apart, hidden_test, judge, look
 from .submissions import group_of
 
 __all__ = ["SETTINGS", "PatientExecute", "course", "is_sound", "write_feedback"]
@@ -88,9 +90,9 @@ class PatientExecute(Execute):  # type: ignore[misc]
     the notebook run again. So each such cell costs its own problem only. A kernel that does not
     start, for its ports were taken meanwhile, is no student's fault: another one is started.
 
-    The cells run twice. What the first kernel puts out is kept, and it is asked nothing. Only the
-    second one receives hidden cases, and of it nothing is kept but the verdicts: what an answer
-    remembers of its cases it cannot show.
+    The cells run twice. The first kernel is asked about the group's own cases, and what it puts out
+    is shown. Only the second one receives hidden cases, and of it nothing is kept but points, and
+    sentences known beforehand: what an answer remembers of any case it cannot show.
     """
 
     most_output = 300_000  # letters of one cell, of every kind together
@@ -105,15 +107,17 @@ class PatientExecute(Execute):  # type: ignore[misc]
         self.problems = [test.problem for test in tests.values() if test]
         self.judging = False
         nb, resources = self.run(nb, resources, km)
-        if self.problems:
+        verdicts = self.verdicts
+        if self.functions:
             shown = [deepcopy(cell.get("outputs")) for cell in nb.cells]
             self.judging = True
             nb, resources = self.run(nb, resources, km)
             for cell, outputs in zip(nb.cells, shown, strict=True):
                 if outputs is not None:
                     cell.outputs = outputs
+            verdicts |= {index: self.verdicts.get(index, NO_VERDICT) for index in self.functions}
         for index in tests:
-            nb.cells[index].outputs = [self.verdicts.get(index, NO_VERDICT)]
+            nb.cells[index].outputs = [verdicts.get(index, NO_VERDICT)]
         return nb, resources
 
     def run(self, nb: Any, resources: Any, km: Any) -> tuple[Any, Any]:
@@ -123,7 +127,9 @@ class PatientExecute(Execute):  # type: ignore[misc]
             self.at = -1
             self.verdicts: dict[int, Any] = {}
             self.groups = [group_of(nb.cells)[0]]
-            GROUPS.clear()
+            if not self.judging:
+                self.functions: dict[int, tuple[Feedback, Any]] = {}
+                GROUPS.clear()
             try:
                 with disk.workdir() as self.workdir:
                     # What lies beside the notebook; that itself holds hidden tests.
@@ -181,8 +187,8 @@ class PatientExecute(Execute):  # type: ignore[misc]
             return cell, resources
         if is_test(cell):
             cell.outputs = []
-            if self.judging and (test := hidden_test(cell.source)):
-                self.verdicts[index] = self.judged(test, cell, index)
+            if test := hidden_test(cell.source):
+                self.verdicts[index] = self.verdict(test, cell, index)
             return cell, resources
         self.run_cell(cell, resources, index)
         errors = [out for out in cell.get("outputs", []) if out.output_type == "error"]
@@ -206,8 +212,27 @@ class PatientExecute(Execute):  # type: ignore[misc]
         if cell.cell_type == "code":
             cell.outputs = [output for output in cell.outputs if is_sound(output)]
 
-    def judged(self, test: HiddenTest, cell: Any, index: int) -> Any:
+    def verdict(self, test: HiddenTest, cell: Any, index: int) -> Any:
         """Judge what a cell tests; its points, or what went wrong, as an output."""
+        if not self.judging:
+            found = self.judged(partial(look, test), cell, index)
+            if isinstance(found, tuple):
+                if not exercises.PROBLEMS[test.problem].own:
+                    self.functions[index] = found
+                found, group = found
+                GROUPS.append(group)
+        elif index in self.functions:
+            found = self.judged(partial(judge, test, *self.functions[index]), cell, index)
+        else:
+            return None  # the first verdict is the last
+        if not isinstance(found, Feedback):
+            return found
+        points = Points(found, test.settings["points"])
+        data = {"text/plain": repr(points), "text/html": points._repr_html_()}
+        return new_output("execute_result", data=data)
+
+    def judged(self, work: Callable[[Ask], Any], cell: Any, index: int) -> Any:
+        """Judge what the kernel answers, in a process of its own; give an output if it fails."""
         # The machine that grades may be busier than the student's: the clock is generous.
         end = time.monotonic() + PATIENCE * self.timeout
 
@@ -231,7 +256,7 @@ class PatientExecute(Execute):  # type: ignore[misc]
             raise Stopped(max(errors, key=lambda out: bool(out.ename == TOO_SLOW), default=None))
 
         try:
-            points, group = judge_apart(test, ask, 1.5 * PATIENCE * self.timeout)
+            return apart(work, ask, 1.5 * PATIENCE * self.timeout)
         except Stopped as stopped:
             [why] = stopped.args
             if isinstance(why, Exception):
@@ -239,21 +264,18 @@ class PatientExecute(Execute):  # type: ignore[misc]
             if why is None:
                 return failure("NoAnswer", "the answer was not told")
             if why.ename != TOO_SLOW:
-                undefined = [f"name {name!r} is not defined" for name in (test.answer, test.group)]
-                # Other words, and names of one's own, could be made up of hidden cases.
-                name = why.ename if hasattr(builtins, why.ename) else "Error"
-                return failure(name, why.evalue if why.evalue in undefined else NO_WORDS)
+                return self.failed(why.ename, why.evalue)
         except TimeoutError:
             pass
         except Exception as error:
-            return failure("Unreadable", str(error)[:300])
-        else:
-            GROUPS.append(group)
-            data = {"text/plain": repr(points), "text/html": points._repr_html_()}
-            return new_output("execute_result", data=data)
+            return self.failed("Unreadable", str(error))
         text = slow(self.timeout)["evalue"]
         REMARKS.append(f"{name_of(cell)} {text}")
         return failure(TOO_SLOW, text)
+
+    def failed(self, name: str, words: str) -> Any:
+        """Say what went wrong, unless hidden cases were seen: then its words could hold them."""
+        return failure("Error", NO_WORDS) if self.judging else failure(name[:50], words[:300])
 
     def process_message(self, msg: Any, cell: Any, cell_index: int) -> Any:
         """Take what the kernel says, unless it is of another cell, or the cell has said enough."""
@@ -324,7 +346,7 @@ def failure(name: str, text: str) -> Any:
     return new_output("error", ename=name, evalue=text, traceback=[f"{name}: {text}"])
 
 
-NO_WORDS = "it ended the call of the answer; what else it says is not shown"
+NO_WORDS = "the answer to a case that is not your own could not be read, or never came"
 NO_VERDICT = failure("NoPoints", "the test did not come to its end")
 
 

@@ -1,9 +1,12 @@
 """Give points to answers, in another process than the one that runs the student's code.
 
 The hidden test of a problem is read, not run: ``score("2.1", turns, GROUP, points=3, seed=1)``. The
-case is sent to the student's code, its answer comes back as plain data, and `score` judges it here.
+case is sent to the student's code, its answer comes back as plain data, and is judged here.
 Whatever that code does to its own process, the graders in it included, the points stay out of
 its reach; all that it can do is to answer.
+
+It is asked twice, in two processes. `look` asks for the group's own case, and whatever comes back
+can be shown. `judge` sends hidden cases, too, and gives points and sentences known beforehand.
 """
 
 from __future__ import annotations
@@ -17,16 +20,19 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
 from multiprocessing.connection import Connection
-from typing import Any
+from typing import Any, TypeVar
 
-from ..exercises import Points, score
+from ..exercises import Feedback, judge_all, judge_own
 from . import sandbox
 from .encoding import decode, packed
 
-__all__ = ["Ask", "HiddenTest", "Stopped", "hidden_test", "judge", "judge_apart"]
+__all__ = ["Ask", "HiddenTest", "Stopped", "apart", "hidden_test", "judge", "look"]
 
 Ask = Callable[[str], Any]
 """Runs an expression where the student's code runs, and gives back the text that it told."""
+
+
+Found = TypeVar("Found")
 
 
 class Stopped(BaseException):
@@ -60,29 +66,37 @@ def hidden_test(source: str) -> HiddenTest | None:
     return None
 
 
-def judge(test: HiddenTest, ask: Ask) -> tuple[Points, Any]:
-    """Give the points of an answer, and the group that it was given for."""
+def look(test: HiddenTest, ask: Ask) -> tuple[Feedback, Any]:
+    """Judge an answer on the own case of the group that it was given for; give the group, too."""
     group = _value(ask(asking(test.group)))
     if not isinstance(group, int | float):
         group = str(group)[:50]
+    return judge_own(test.problem, _answer(test, ask), group), group
+
+
+def judge(test: HiddenTest, own: Feedback, group: Any, ask: Ask) -> Feedback:
+    """Judge an answer on the hidden cases, too, after a `look` at it."""
+    return judge_all(test.problem, _answer(test, ask), group, test.settings["seed"], own)
+
+
+def _answer(test: HiddenTest, ask: Ask) -> Any:
     told = json.loads(ask(asking(test.answer)))
     # A function of the student's is called where it is.
-    answer = partial(_called, ask, test.answer) if "function" in told else decode(told["value"])
-    return score(test.problem, answer, group, **test.settings), group
+    return partial(_called, ask, test.answer) if "function" in told else decode(told["value"])
 
 
-def judge_apart(test: HiddenTest, ask: Ask, seconds: float) -> tuple[Points, Any]:
+def apart(work: Callable[[Ask], Found], ask: Ask, seconds: float) -> Found:
     """Judge in a process of its own, which may take so long and not more memory than it needs.
 
     Where no process can be copied, on Windows, it is done in this one, without these limits. Else
     TimeoutError says that it took longer, MemoryError that the process ended without a verdict.
     """
     if not hasattr(os, "fork"):
-        return judge(test, ask)
+        return work(ask)
     end = time.monotonic() + seconds
     context = multiprocessing.get_context("fork")
     here, there = context.Pipe()
-    process = context.Process(target=_judge_there, args=(test, there), daemon=True)
+    process = context.Process(target=_work_there, args=(work, there), daemon=True)
     process.start()
     there.close()
     try:
@@ -93,8 +107,8 @@ def judge_apart(test: HiddenTest, ask: Ask, seconds: float) -> tuple[Points, Any
             elif kind == "error":
                 raise what
             else:
-                feedback, most, group = what
-                return Points(feedback, most), group
+                found: Found = what
+                return found
         raise TimeoutError
     except EOFError:
         raise MemoryError("judging it takes too much memory") from None
@@ -104,7 +118,7 @@ def judge_apart(test: HiddenTest, ask: Ask, seconds: float) -> tuple[Points, Any
         here.close()
 
 
-def _judge_there(test: HiddenTest, pipe: Connection) -> None:
+def _work_there(work: Callable[[Ask], Any], pipe: Connection) -> None:
     """Judge what the other end of the pipe asks the student's code for."""
     sandbox.limit()
 
@@ -113,8 +127,7 @@ def _judge_there(test: HiddenTest, pipe: Connection) -> None:
         return pipe.recv()
 
     try:
-        points, group = judge(test, ask)
-        pipe.send(("points", (points.feedback, points.most, group)))
+        pipe.send(("found", work(ask)))
     except Exception as error:  # whatever was sent in the place of an answer
         pipe.send(("error", ValueError(f"{type(error).__name__}: {error}"[:300])))
 
