@@ -25,6 +25,7 @@ from __future__ import annotations
 
 from fractions import Fraction as Exact
 from functools import lru_cache
+from itertools import accumulate
 from math import comb, log2
 from typing import Any, NamedTuple
 
@@ -87,13 +88,18 @@ def held_in_w(
     """
     if not process.num.any():  # no controller
         return Fraction(np.zeros(1), np.ones(1))
-    a, c, direct, unit = _in_unit(tuple(process.num.tolist()), tuple(process.den.tolist()))
-    given = _Given(a, c, direct, Exact(dt) / unit, Exact(fraction), at_once)
+    a, h, direct, unit = _in_unit(tuple(process.num.tolist()), tuple(process.den.tolist()))
+    given = _Given(a, h, direct, Exact(dt) / unit, Exact(fraction), at_once)
     bits, last = FIRST, None
     while bits <= LAST:
         found = _in_v(given, bits)
-        if last is not None and all(
-            (np.abs(p - q) <= AGREEMENT * np.abs(q)).all() for p, q in zip(found, last, strict=True)
+        if (
+            found
+            and last
+            and all(
+                (np.abs(p - q) <= AGREEMENT * np.abs(q)).all()
+                for p, q in zip(found, last, strict=True)
+            )
         ):
             return _scaled(found, dt)
         bits, last = 2 * bits, found
@@ -250,10 +256,13 @@ def _check_sound(held: Fraction, model: Fraction, dt: float) -> None:
 
 
 class _Given(NamedTuple):
-    """The process x' = A x + e1 v, y = c x + direct v, A the companion matrix of a, exactly."""
+    """A block direct + h(s)/a(s) and the time, exactly, in a unit of time of its own.
+
+    `a` holds the ascending coefficients without the leading 1, `h` those of 1/s, 1/s², …
+    """
 
     a: list[Exact]
-    c: list[Exact]
+    h: list[Exact]
     direct: Exact
     time: Exact
     fraction: Exact
@@ -269,20 +278,25 @@ class _Given(NamedTuple):
 def _in_unit(
     num: tuple[float, ...], den: tuple[float, ...]
 ) -> tuple[list[Exact], list[Exact], Exact, Exact]:
-    """Companion form of a block, and the unit of time in which its roots are near 1."""
+    """Expand a block in powers of 1/s, in the unit of time in which its roots are near 1."""
     den_, num_ = [Exact(x) for x in den], [Exact(x) for x in num]
     num_ = [Exact(0)] * (len(den_) - len(num_)) + num_
-    a, b = [x / den_[0] for x in den_[1:]], [x / den_[0] for x in num_]
-    rates = [log2(abs(x)) / k for k, x in enumerate(a, 1) if x]
+    a, b = [x / den_[0] for x in den_], [x / den_[0] for x in num_]
+    rates = [log2(abs(x)) / k for k, x in enumerate(a[1:], 1) if x]
     unit = Exact(2) ** -round(max(rates, default=0.0))
-    c = [(b[k] - b[0] * x) * unit**k for k, x in enumerate(a, 1)]
-    return [x * unit**k for k, x in enumerate(a, 1)], c, b[0], unit
+    a, b = ([x * unit**k for k, x in enumerate(p)] for p in (a, b))
+    h: list[Exact] = []
+    for k, x in enumerate(b):
+        h.append(x - sum(a[k - i] * h[i] for i in range(k)))
+    return a[:0:-1], h[1:], b[0], unit
 
 
-def _in_v(given: _Given, bits: int) -> Fraction:
-    """Give the held process in powers of v = αw."""
+def _in_v(given: _Given, bits: int) -> Fraction | None:
+    """Give the held process in powers of v = αw; None if a mode has grown beyond the digits."""
     columns = [p @ _bilinear(p.size - 1) for p in _in_z(given, bits)]
     largest = max(abs(x) for x in columns[1])
+    if largest >> bits + bits // 4:  # det(zI - A) begins with 1: what is small beside it is lost
+        return None
     floor = 1 << (bits // 2)
     found = [
         np.array([x / largest if abs(x) * floor > max(map(abs, column)) else 0.0 for x in column])
@@ -293,7 +307,7 @@ def _in_v(given: _Given, bits: int) -> Fraction:
 
 def _scaled(found: Fraction, dt: float) -> Fraction:
     """Go from powers of v to those of w, and to a monic denominator."""
-    num, den = np.trim_zeros(found.num, "f"), found.den
+    num, den = found.num[np.argmax(found.num != 0) :], found.den
     if abs(den[0]) <= AT_NYQUIST * np.abs(den).max():
         raise ValueError(
             f"an undamped mode of the process turns by half a revolution in dt = {dt:g} s, at the "
@@ -305,17 +319,19 @@ def _scaled(found: Fraction, dt: float) -> Fraction:
 
 def _in_z(given: _Given, bits: int) -> tuple[Whole, Whole]:
     """Numerator and denominator of the held process, descending powers of z, in 2^-bits."""
-    n = len(given.a)
-    Ad, B0 = _held(given, 1 - given.fraction, bits)
-    B1 = np.zeros(n, dtype=object)
+    n, a = len(given.a), [_fixed(x, bits) for x in given.a]
+    growth, B0 = _held(a, given.time * (1 - given.fraction), bits)
+    B1 = [0] * n
     if given.fraction:
         # Behind e^(A (1-φ) dt) what is felt in the first φ of a sample goes on.
-        early, held = _held(given, given.fraction, bits)
-        Ad, B1 = _times(Ad, early, bits), _times(Ad, held, bits)
+        early, held = _held(a, given.time * given.fraction, bits)
+        growth, B1 = _times(growth, early, a, bits), _times(growth, held, a, bits)
+    columns = accumulate(range(1, n), lambda p, _: _by_x(p, a, bits), initial=growth)
+    Ad = np.array(list(columns), dtype=object).T[:n, :n]
     order = n + given.remembers
     A = np.zeros((order, order), dtype=object)
     A[:n, :n], B, C = Ad, np.zeros(order, dtype=object), np.zeros(order, dtype=object)
-    B[:n], C[:n] = B0, [_fixed(x, bits) for x in given.c]
+    B[:n], C[:n] = B0, [_fixed(x, bits) for x in given.h]
     direct = _fixed(given.direct, bits)
     if given.remembers:
         A[:n, n], B[n], C[n] = B1, 1 << bits, 0 if given.at_once else direct
@@ -328,37 +344,53 @@ def _transfer(A: Whole, B: Whole, C: Whole, bits: int) -> tuple[Whole, Whole]:
     unit = np.eye(len(A), dtype=int).astype(object)
     M, num, den = unit * (1 << bits), [0], [1 << bits]
     for k in range(1, len(A) + 1):
-        num.append(_times(C, _times(M, B, bits), bits))
-        AM = _times(A, M, bits)
+        num.append(C @ (M @ B >> bits) >> bits)
+        AM = A @ M >> bits
         den.append(-np.trace(AM) // k)
         M = AM + unit * den[-1]
     return np.array(num, dtype=object), np.array(den, dtype=object)
 
 
-def _held(given: _Given, share: Exact, bits: int) -> tuple[Whole, Whole]:
-    """Exp of At and its integral from 0 to t applied to e1, with t a share of a sample.
+def _held(a: list[int], time: Exact, bits: int) -> tuple[list[int], list[int]]:
+    """Exp of xt and its integral h from 0 to t, modulo a(x): powers of A applied to the input.
 
-    Over a short step by Taylor's series; then the step is doubled until it is t.
+    Over a short step by Taylor's series; then h(2t) = 2h + x h², as exp(xt) = 1 + x h.
     """
-    n, time = len(given.a), given.time * share
     halvings = (time.numerator // time.denominator).bit_length() + STEPS
     step = _fixed(time / 2**halvings, bits)
-    a = np.array([_fixed(x, bits) for x in given.a], dtype=object)
-    term: Whole = np.eye(n, dtype=int).astype(object) * (1 << bits)
-    Ad = term
-    held, k = np.zeros(n, dtype=object), 0
-    while term.any():
+    term = ([step] + [0] * len(a))[: len(a)]
+    held, k = term, 1
+    while any(term):
         k += 1
         # To the nearest: rounded down, what is negative would stay at -1 for ever.
-        term = (2 * term * step + (k << bits)) // (k << bits + 1)
-        held = held + term[:, 0]
-        last, term = term, np.empty_like(term)
-        term[0], term[1:] = -_times(a, last, bits), last[:-1]
-        Ad = Ad + term
+        down = k << bits + 1
+        term = [(2 * x * step + (k << bits)) // down for x in _by_x(term, a, bits)]
+        held = [x + y for x, y in zip(held, term, strict=True)]
     for _ in range(halvings):
-        held = held + _times(Ad, held, bits)
-        Ad = _times(Ad, Ad, bits)
-    return Ad, held
+        square = _by_x(_times(held, held, a, bits), a, bits)
+        held = [2 * x + y for x, y in zip(held, square, strict=True)]
+    one = ([1 << bits] + [0] * len(a))[: len(a)]
+    return [x + y for x, y in zip(one, _by_x(held, a, bits), strict=True)], held
+
+
+def _by_x(p: list[int], a: list[int], bits: int) -> list[int]:
+    """Multiply by x, modulo a(x); of a number, whose a is empty, nothing is left."""
+    return [x - (p[-1] * y >> bits) for x, y in zip([0, *p[:-1]], a, strict=False)]
+
+
+def _times(p: list[int], q: list[int], a: list[int], bits: int) -> list[int]:
+    """Multiply modulo a(x)."""
+    n = len(a)
+    product = [0] * (2 * n)
+    for i, x in enumerate(p):
+        for j, y in enumerate(q, i):
+            product[j] += x * y
+    product = [x >> bits for x in product]
+    while len(product) > n:
+        top, k = product.pop(), len(product) - n
+        for j, y in enumerate(a, k):
+            product[j] -= top * y >> bits
+    return product
 
 
 @lru_cache
@@ -370,10 +402,6 @@ def _bilinear(order: int) -> Whole:
         minus = [comb(k, i) * (-1) ** i for i in range(k + 1)]
         rows.append(np.convolve(np.array(plus, dtype=object), np.array(minus, dtype=object)))
     return np.array(rows, dtype=object)
-
-
-def _times(p: Whole, q: Whole, bits: int) -> Any:
-    return (p @ q) >> bits
 
 
 def _fixed(x: Exact, bits: int) -> int:

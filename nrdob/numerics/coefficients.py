@@ -9,7 +9,10 @@ import numpy as np
 
 from .arrays import ROUNDING, ComplexArray, FloatArray
 
-__all__ = ["add", "exponential", "exponential_rest", "horner", "pade", "trailing_zeros", "trim"]
+__all__ = [
+    "add", "convolution_matrix", "exponential", "exponential_rest", "horner", "pade",
+    "trailing_zeros", "trim",
+]  # fmt: skip
 
 NEAR = 1.0  # size of z up to which the rest of exp(z) is summed up: a difference loses digits
 
@@ -98,6 +101,14 @@ def horner(coefficients: FloatArray, s: ComplexArray) -> Any:
     for coefficient in others:
         value = value * s + coefficient
     return value
+
+
+def convolution_matrix(p: FloatArray, n: int) -> FloatArray:
+    """`scipy.linalg.convolution_matrix` without its overhead, fifty times that of the work."""
+    matrix = np.zeros((p.size + n - 1, n))
+    for k in range(n):
+        matrix[k : k + p.size, k] = p
+    return matrix
 
 
 def trim(coefficients: FloatArray, scale: FloatArray) -> FloatArray:

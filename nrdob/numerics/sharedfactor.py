@@ -14,9 +14,9 @@ from collections.abc import Iterator
 from typing import NamedTuple
 
 import numpy as np
-from scipy.linalg import convolution_matrix
 
 from .arrays import ROUNDING, BoolArray, ComplexArray, FloatArray, IntArray
+from .coefficients import convolution_matrix
 from .quasipoly import QuasiPolynomial
 
 __all__ = ["Shared", "factor_near", "shared_factor"]
@@ -204,11 +204,11 @@ def _gives_back(p: QuasiPolynomial, divisor: FloatArray, cofactor: FloatArray) -
 
 def _sizes(p: QuasiPolynomial) -> FloatArray:
     """Size of each coefficient; of one that is zero, what its neighbours let expect."""
-    k = np.arange(p.q.size)
-    sizes = p.scale.copy()
-    there = np.flatnonzero(sizes)
-    sizes[sizes == 0] = np.exp(np.interp(k, there, np.log(sizes[there])))[sizes == 0]
-    return sizes
+    if p.scale.all():
+        return p.scale
+    there = np.flatnonzero(p.scale)
+    expected = np.exp(np.interp(np.arange(p.q.size), there, np.log(p.scale[there])))
+    return np.where(p.scale == 0, expected, p.scale)
 
 
 def _least_squares(matrix: FloatArray, target: FloatArray) -> FloatArray:

@@ -21,9 +21,10 @@ from math import inf, log2
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.linalg import convolution_matrix, expm, matrix_balance
+from scipy.linalg import expm, matrix_balance
 
 from .arrays import ComplexArray, FloatArray
+from .coefficients import convolution_matrix
 from .rootfinding import polynomial_roots
 
 __all__ = ["Block", "impulse_states", "roots_by_time_scale", "split", "transition"]
@@ -183,8 +184,10 @@ def _parted(
 
 def _sylvester(g: FloatArray, h: FloatArray) -> FloatArray:
     """Matrix from the coefficients of a, of lower degree than g, and b to those of a h + b g."""
-    of_a = np.pad(convolution_matrix(h, g.size - 1), ((0, 1), (0, 0)))
-    return np.hstack([of_a, convolution_matrix(g, h.size)])
+    k = g.size - 1
+    matrix = np.zeros((k + h.size, k + h.size))
+    matrix[:-1, :k], matrix[:, k:] = convolution_matrix(h, k), convolution_matrix(g, h.size)
+    return matrix
 
 
 def _realised(nums: FloatArray, den: FloatArray, modulus: float) -> Block:

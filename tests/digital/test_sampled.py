@@ -109,6 +109,13 @@ def test_the_held_process_keeps_its_digits_at_any_sampling_time(num, den, part, 
             assert at(held, w) == pytest.approx(value, rel=1e-12)
 
 
+def test_a_mode_that_grows_beyond_all_digits_leaves_the_others_theirs():
+    # exp(235) has 339 binary digits: with fewer, two precisions agree on slow poles that are wrong.
+    poles = np.array([235.0, -0.5, -1.0, -2.0, -3.0])
+    held = held_in_w(fraction([1.0], np.poly(poles)), 1.0)
+    np.testing.assert_allclose(held.den, np.poly(2 * np.tanh(poles / 2)), rtol=1e-14)
+
+
 def test_an_integrator_and_a_differentiator_stay_exact():
     assert held_in_w(fraction([1.0], [1.0, 1.0, 0.0]), 0.3).den[-1] == 0
     assert held_in_w(fraction([1.0, 0.0], [1.0, 3.0, 2.0]), 0.3, fraction=0.5).num[-1] == 0
