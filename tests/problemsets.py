@@ -15,6 +15,7 @@ import control as ct
 import matplotlib.pyplot as plt
 import nbformat
 import numpy as np
+import pytest
 from nbgrader.preprocessors import ClearHiddenTests, ClearSolutions
 
 from nrdob import NRDOB, LowPassFilter
@@ -25,6 +26,16 @@ from nrdob_course.grading.release import SOURCE
 SETS = sorted(SOURCE.glob("*/*.ipynb"))
 STUB = "# YOUR CODE HERE"
 """What a student finds in the place of an answer, as the settings of nbgrader say."""
+
+
+def each_case(problem: Problem, count: int) -> pytest.MarkDecorator:
+    """Ask a test of so many cases of the first group, each drawn when its turn comes.
+
+    Drawn where the tests are collected, they would be drawn in each process that shares them.
+    """
+    return pytest.mark.parametrize(
+        "case", [(problem, k) for k in range(count)], ids=map(str, range(count)), indirect=True
+    )
 
 
 def accepts(problem: Problem, case: Any, answer: Any) -> bool:

@@ -26,8 +26,9 @@ problems, Journal of the American Statistical Association 72 (1977) 320-338.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from itertools import chain
+from itertools import chain, groupby
 from math import exp, pi, sqrt
+from operator import itemgetter
 from typing import NamedTuple
 
 import numpy as np
@@ -56,12 +57,12 @@ WAVES, PERIODS = (6.0, 60.0, 600.0), (0.5, 1.0, 1.5)
 
 
 class Hypothesis(NamedTuple):
-    """Order m, φ and θ, and the size of the wave beside it."""
+    """Order m, φ and θ, and the size of the wave if one passes beside it."""
 
     order: int
     pole: float
     zero: float
-    wave: float = 0.0
+    wave: float = 1.0
 
 
 HYPOTHESES = (
@@ -151,43 +152,45 @@ def scatter_of(
         [each for each in kind if each.pole == 1 or (1 - each.pole) * residual.size > FORGOTTEN]
         for kind in HYPOTHESES
     ]
-    for each in chain(*kinds):
-        den, num = (np.poly([root] * each.order) for root in (each.pole, each.zero))
-        beside = _beside(each, residual.size)
+    for (order, pole, zero), several in groupby(chain(*kinds), itemgetter(0, 1, 2)):
+        den, num = (np.poly([root] * order) for root in (pole, zero))
+        beside = _beside(order, pole, zero, residual.size)
         count = len(beside)
         white = lfilter(den, num, np.vstack([*beside, rows]))[:, used]
-        stacked = np.hstack([np.eye(count + n + 1, count), white]).T  # in the order of LAPACK
-        corner = np.asarray(np.linalg.qr(stacked, mode="r"))
-        variance = float(corner[-1, -1] ** 2) / freedom + np.finfo(float).tiny
-        corners = np.abs(np.diag(corner)[:-1])
-        logarithms.append(-np.log(corners).sum() - 0.5 * freedom * np.log(variance))
-        whole = np.linalg.inv(corner[:-1, :-1])
-        inverse = whole[count:]
-        covariance = variance * inverse @ inverse.T
-        if grain:
-            estimator: FloatArray = np.zeros((n, residual.size))
-            estimator[:, used] = inverse @ whole.T @ white[:-1]
-            alike = np.zeros((levels.max() + 1, n))
-            np.add.at(alike, levels, lfilter(den, num, estimator[:, ::-1])[:, ::-1].T)
-            covariance += _rounded(grain, variance) * alike.T @ alike
-        shifts.append(inverse @ corner[:-1, -1] / size)
-        covariances.append(covariance / np.outer(size, size))
+        triangle = np.asarray(np.linalg.qr(white.T, mode="r"))  # stands for all samples
+        for each in several:
+            scale = np.repeat([each.wave, 1.0], [count, n + 1])
+            stacked = np.vstack([np.eye(count, count + n + 1), triangle * scale])
+            corner = np.asarray(np.linalg.qr(stacked, mode="r"))
+            variance = float(corner[-1, -1] ** 2) / freedom + np.finfo(float).tiny
+            corners = np.abs(np.diag(corner)[:-1])
+            logarithms.append(-np.log(corners).sum() - 0.5 * freedom * np.log(variance))
+            whole = np.linalg.inv(corner[:-1, :-1])
+            inverse = whole[count:]
+            covariance = variance * inverse @ inverse.T
+            if grain:
+                estimator: FloatArray = np.zeros((n, residual.size))
+                estimator[:, used] = (inverse @ whole.T * scale[:-1]) @ white[:-1]
+                back = lfilter(den, num, estimator[:, ::-1])[:, ::-1]
+                alike = np.array([np.bincount(levels, moved) for moved in back])
+                covariance += _rounded(grain, variance) * alike @ alike.T
+            shifts.append(inverse @ corner[:-1, -1] / size)
+            covariances.append(covariance / np.outer(size, size))
     weights = np.exp(np.array(logarithms) - max(logarithms))
     sizes = [len(kind) for kind in kinds]
     weights /= np.repeat(sizes, sizes)
     return Scatter(weights / weights.sum(), np.array(shifts), np.array(covariances), freedom)
 
 
-def _beside(disturbance: Hypothesis, samples: int) -> list[FloatArray]:
+def _beside(order: int, pole: float, zero: float, samples: int) -> list[FloatArray]:
     """List what enters the output beside filtered noise; the size of each varies as e does."""
-    order, pole, zero, size = disturbance
     times = np.arange(samples)
     if pole < 1:  # what the noise remembers from before the record
         return [abs(pole - zero) / sqrt(1 - pole**2) * pole**times]
     if order > 1:  # the slope of the drift as the record begins
         return [sqrt(samples) * (1 - zero) ** 2 * times]
     angles = [2 * pi * each * times / samples for each in PERIODS]
-    return [size * part(angle) for angle in angles for part in (np.sin, np.cos)]
+    return [part(angle) for angle in angles for part in (np.sin, np.cos)]
 
 
 def _rounded(grain: float, variance: float) -> float:

@@ -87,8 +87,9 @@ def _numbers(
     told = {"gain": (linear[0] * gain, "y/u")}
     if structure.integrates:
         told["gain"] = (linear[0] * (gain / step), "y/u/s")
-    if structure.zero:
-        told["lead of the zero"] = (linear[1] / linear[0] * step, "s")
+    if structure.zero:  # any lead where the record ends before the plant answers, with a gain of 0
+        lead = linear[1] / (linear[0] or np.finfo(float).eps)
+        told["lead of the zero"] = (lead * step, "s")
     if structure.lags == 1:
         told["lag"] = (exp(shape[1]) * step, "s")
     elif structure.lags == 2:

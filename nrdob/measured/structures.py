@@ -17,9 +17,10 @@ The response is continuous in the dead time.
 
 from __future__ import annotations
 
+import cmath
 from collections.abc import Sequence
 from dataclasses import dataclass
-from math import exp, floor, log, pi, sqrt
+from math import exp, expm1, floor, log, pi, sqrt
 
 import numpy as np
 from scipy.signal import lfilter
@@ -30,6 +31,7 @@ __all__ = ["STRUCTURES", "Structure", "free_responses", "held_responses"]
 
 FASTEST_LAG = 0.05  # in samples: a faster lag is not seen
 DAMPING = (0.003, 30.0)  # damping ratios looked at
+EYE = np.eye(2)
 RAMP = 100.0  # samples in which the ramp of an integrator's level grows by one
 
 
@@ -105,7 +107,7 @@ class Structure:
     def forced(self, shape: FloatArray, inputs: FloatArray) -> FloatArray:
         """Responses that the coefficients of the numerator multiply, shape (numerators, N)."""
         den = self.den(shape)
-        found = held_responses(den, inputs, float(shape[0]))[: self.numerators]
+        found = held_responses(den, inputs, float(shape[0]), self.numerators)
         return found * next(c for c in den[::-1] if c)  # so that the first coefficient is a gain
 
     def columns(
@@ -136,45 +138,53 @@ STRUCTURES = (
 """From simple to rich."""
 
 
-def held_responses(den: Sequence[float], inputs: FloatArray, delay: float = 0.0) -> FloatArray:
+def held_responses(
+    den: Sequence[float], inputs: FloatArray, delay: float = 0.0, most: int | None = None
+) -> FloatArray:
     r"""Respond from rest, shape (n, N), with :math:`e^{-\theta s}s^i/D(s)` for i from 0 to n - 1.
 
     Den is the monic :math:`D(s)` of degree n, 1 or 2, descending; the input is zero before its
-    first sample, shape (N,). A lag of one sampling time after half a sample of dead time:
+    first sample, shape (N,). Most is how many of the n are wanted. A lag of one sampling time after
+    half a sample of dead time:
 
     >>> held_responses([1.0, 1.0], np.ones(3), 0.5).round(4)
     array([[0.    , 0.3935, 0.7769]])
     """
     whole = floor(delay)
     part = delay - whole
-    (early, late), (before, now) = transition(*_companion(den), [part, 1 - part])
-    n = len(den) - 1
-    before, step = late @ before, late @ early
-    # (zI - step)^-1 applied to the two vectors, over the characteristic polynomial.
-    if n == 1:
-        poles = np.array([1.0, -step[0, 0]])
-        taps = np.array([[0.0, now[0], before[0]]])
+    if len(den) == 2:
+        rate = den[1]
+        before, now = (-expm1(-rate * t) / rate if rate else t for t in (part, 1 - part))
+        taps = np.array([[0.0, now, exp(-rate * (1 - part)) * before]])
     else:
-        trace = step[0, 0] + step[1, 1]
-        poles = np.array([1.0, -trace, np.linalg.det(step)])
-        turned = step - trace * np.eye(2)
-        taps = np.stack([0 * now, now, turned @ now + before, turned @ before], axis=1)
+        (early, late), (before, now) = transition(*_companion(den), [part, 1 - part])
+        before, step = late @ before, late @ early
+        # (zI - step)^-1 applied to the two vectors, over the characteristic polynomial.
+        turned = step - (step[0, 0] + step[1, 1]) * EYE
+        taps = np.array([0 * now, now, turned @ now + before, turned @ before]).T
     shifted = np.concatenate([np.zeros(min(whole, inputs.size)), inputs[: -whole or None]])
-    return np.array([lfilter(row, poles, shifted[: inputs.size]) for row in taps])
+    poles = _poles(den)
+    return np.array([lfilter(row, poles, shifted[: inputs.size]) for row in taps[:most]])
 
 
 def free_responses(den: Sequence[float], count: int) -> FloatArray:
     """Give a basis, shape (n, count), of what the output does by itself after any initial state."""
-    n = len(den) - 1
-    step, _ = transition(*_companion(den), 1.0)
-    poles = [1.0, -step[0, 0]] if n == 1 else [1.0, -np.trace(step), np.linalg.det(step)]
-    impulse = np.eye(1, count)[0]
-    return np.array([lfilter(late, poles, impulse) for late in np.eye(n)])
+    found = np.zeros((len(den) - 1, count))
+    found[0, 0] = 1.0
+    found[0] = lfilter([1.0], _poles(den), found[0])
+    found[1:, 1:] = found[0, :-1]
+    return found
+
+
+def _poles(den: Sequence[float]) -> list[float]:
+    """Give the characteristic polynomial, descending, of the state from one sample to the next."""
+    if len(den) == 2:
+        return [1.0, -exp(-den[1])]
+    mean = -den[1] / 2
+    apart = cmath.sqrt(mean**2 - den[2])
+    return [1.0, -(cmath.exp(mean + apart) + cmath.exp(mean - apart)).real, exp(-den[1])]
 
 
 def _companion(den: Sequence[float]) -> tuple[FloatArray, FloatArray]:
-    """Give A and B of 1/D(s)."""
-    n = len(den) - 1
-    A = np.eye(n, k=1)
-    A[-1] = -np.asarray(den, dtype=float)[:0:-1]
-    return A, np.eye(n)[-1]
+    """Give A and B of 1/D(s), of degree 2."""
+    return np.array([[0.0, 1.0], [-den[2], -den[1]]]), EYE[1]

@@ -11,6 +11,7 @@ import pytest
 import yaml
 from bs4 import BeautifulSoup
 from sphinx.application import Sphinx
+from sphinx.util.docutils import docutils_namespace
 
 import published
 
@@ -37,7 +38,8 @@ def built(folder: Path, theme: str = "basic") -> Path:
     (source / "conf.py").write_text(f"extensions = ['published']\nhtml_theme = '{theme}'\n")
     (source / "index.rst").write_text(INDEX)
     (source / "chapters" / "one.rst").write_text("One\n===\n\nText.\n")
-    Sphinx(source, source, folder / "html", folder / "trees", "html", status=None).build()
+    with docutils_namespace():  # directives are left to no other book of this process
+        Sphinx(source, source, folder / "html", folder / "trees", "html", status=None).build()
     return folder / "html"
 
 

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-import os
-import subprocess
-import sys
+from contextlib import redirect_stderr, redirect_stdout
+from io import StringIO
 from pathlib import Path
 
 import nbformat
 import pytest
 from bs4 import BeautifulSoup
+from sphinx.cmd.build import main
 
 from statements import faults, faults_of_book, lost_mentions, mentions, read
 
@@ -167,12 +167,9 @@ def small_book(folder: Path, **chapters: str) -> tuple[int, str]:
         notebook = nbformat.v4.new_notebook()
         notebook.cells = [nbformat.v4.new_markdown_cell(f"# Chapter {stem}\n\n{text}")]
         nbformat.write(notebook, folder / "chapters" / f"{stem.removeprefix('c')}.ipynb")
-    done = subprocess.run(
-        [sys.executable, "-m", "sphinx", "-W", "--keep-going", "-n", "-q", folder, folder / "html"],
-        capture_output=True, text=True, encoding="utf-8",
-        env=os.environ | {"PYTHONPATH": str(ROOT)},
-    )  # fmt: skip
-    return done.returncode, done.stderr
+    with redirect_stdout(StringIO()), redirect_stderr(StringIO()) as said:
+        code = main(["-W", "--keep-going", "-n", "-q", str(folder), str(folder / "html")])
+    return code, said.getvalue()
 
 
 @pytest.mark.slow

@@ -11,6 +11,7 @@ import pytest
 from nbgrader import api
 
 from handin import NAME
+from nrdob_course.exercises.problems import Case
 from nrdob_course.grading import command
 from nrdob_course.grading.release import SOURCE, found_course, generate
 
@@ -61,3 +62,10 @@ def _given_out_once(fresh: Callable[[str], Path]) -> Iterator[None]:
 def released(fresh: Callable[[str], Path]) -> Path:
     """What was given out of the set that is handed in."""
     return fresh(NAME) / "release"
+
+
+@pytest.fixture
+def case(request: pytest.FixtureRequest) -> Case:
+    """Draw the case that `each_case` asks for."""
+    problem, number = request.param
+    return problem.cases(1, number + 1)[number]

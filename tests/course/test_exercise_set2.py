@@ -13,7 +13,7 @@ from nrdob_course.exercises.cases import s
 from nrdob_course.exercises.drawing import first_fitting
 from nrdob_course.exercises.figures import draw_without_count
 from nrdob_course.exercises.set2 import CLOSING, LITERAL, READING, UNTURNED
-from problemsets import accepts
+from problemsets import accepts, each_case
 
 GROUPS = range(1, 13)
 (FORGOTTEN,) = (
@@ -65,7 +65,7 @@ def test_the_alt_text_of_the_plot_suffices_to_count(group: int) -> None:
     assert turns == loop.stability().observer_loop.encirclements
 
 
-@pytest.mark.parametrize("case", CLOSING.cases(1, 12), ids=str)
+@each_case(CLOSING, 12)
 def test_the_closed_curve_has_data_enough(case: object) -> None:
     curve = 1 + case.values  # type: ignore[attr-defined]
     steps = np.abs(np.angle(curve[1:] / curve[:-1]))
@@ -88,7 +88,7 @@ def test_a_piece_of_the_path_forgotten_is_told_though_it_was_rounded(group: int,
         assert feedback.share >= FORGOTTEN.marks
 
 
-@pytest.mark.parametrize("case", LITERAL.cases(1, 4), ids=str)
+@each_case(LITERAL, 4)
 def test_a_pole_that_the_controller_cancels_is_a_counterexample_too(case: object) -> None:
     pole, plant = case.pole, case.process  # type: ignore[attr-defined]
     hidden = NRDOB(
@@ -99,7 +99,7 @@ def test_a_pole_that_the_controller_cancels_is_a_counterexample_too(case: object
     assert accepts(LITERAL, case, held) is True
 
 
-@pytest.mark.parametrize("case", UNTURNED.cases(1, 6), ids=str)
+@each_case(UNTURNED, 6)
 def test_no_stable_model_makes_the_turn(case: object) -> None:
     """Count the turns of H for three models of either sign: never the one that is said needed."""
     plant = case.process  # type: ignore[attr-defined]

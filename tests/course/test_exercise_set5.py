@@ -22,10 +22,10 @@ from nrdob_course.exercises.set5 import (
     edge_of,
     side_of,
 )
-from problemsets import accepts
+from problemsets import accepts, each_case
 
 
-@pytest.mark.parametrize("case", SIGN.cases(1, 4), ids=lambda case: str(case)[-40:])
+@each_case(SIGN, 4)
 def test_with_the_other_sign_no_filter_stabilises(case: Any) -> None:
     """Ask the exact sets, which know nothing of parity."""
     for process, model in case.pairs:
@@ -33,7 +33,7 @@ def test_with_the_other_sign_no_filter_stabilises(case: Any) -> None:
         assert [] in sets
 
 
-@pytest.mark.parametrize("case", BORDER.cases(1, 3), ids=str)
+@each_case(BORDER, 3)
 @pytest.mark.parametrize(("factor", "right"), [(1.0005, True), (0.9995, True), (1.003, False)])
 def test_the_border_is_wanted_to_one_part_in_a_thousand(
     case: Any, factor: float, right: bool
@@ -41,7 +41,7 @@ def test_the_border_is_wanted_to_one_part_in_a_thousand(
     assert (accepts(BORDER, case, factor * borders_read(case)["true"]) is True) is right
 
 
-@pytest.mark.parametrize("case", EDGE.cases(1, 6), ids=str)
+@each_case(EDGE, 6)
 def test_an_edge_may_be_read_with_the_eye(case: Any) -> None:
     value, _ = edge_of(case)
     for factor in (0.93, 1.07):
@@ -66,7 +66,7 @@ def test_the_edge_lies_between_marks(group: int) -> None:
     assert len(marks) < 14 and len(x) < 20
 
 
-@pytest.mark.parametrize("case", ADVICE.cases(1, 4), ids=str)
+@each_case(ADVICE, 4)
 def test_every_order_above_the_lowest_refutes_the_advice(case: Any) -> None:
     for lags in (1, 2):
         model = case.gain / ((s + case.pole) * (s + case.decay) * (s / 50 + 1) ** lags)
@@ -76,7 +76,7 @@ def test_every_order_above_the_lowest_refutes_the_advice(case: Any) -> None:
         assert accepts(ADVICE, case, (model, float(3 + lags))) is True
 
 
-@pytest.mark.parametrize("case", DESIGN.cases(1, 4), ids=str)
+@each_case(DESIGN, 4)
 def test_other_designs_count_as_well(case: Any) -> None:
     k, p, a = case.gain, case.pole, case.decay
     model = k / ((s + p) * (s / a + 1))

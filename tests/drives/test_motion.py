@@ -116,7 +116,8 @@ def test_a_signal_that_stays_at_zero_never_leaves():
 
 
 @pytest.mark.slow
-def test_a_motion_that_finds_no_end_is_refused():
+def test_a_motion_that_finds_no_end_is_refused(monkeypatch):
+    monkeypatch.setattr("nrdob.drives.motion.MOST_EVENTS", 100)
     motion = Motion(OneMass(0.01), Friction(0.1), 0.01)
     with pytest.raises(ArithmeticError, match="choose a shorter dt, or a drive of one mass"):
         motion.advance(np.nan)
