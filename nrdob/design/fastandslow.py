@@ -216,7 +216,7 @@ def _fast_roots(mismatch: Mismatch) -> Answer:
         verdict = None if abs(real) <= ROUNDING * (c + abs(sums)) else real < 0
         return Answer(
             verdict,
-            "the process has an additional lag than the model; the fast pair has a real part that "
+            "the process has a lag that the model lacks; the fast pair has a real part that "
             f"tends to {real:.4g} rad/s",
         )
     if m == 0:
