@@ -21,7 +21,7 @@ from ..numerics import (
     IntArray,
     QuasiPolynomial,
     exponential_rest,
-    newton,
+    halley,
 )
 
 __all__ = ["Found", "Locus", "Notable", "factors_of", "notable_frequencies"]
@@ -33,11 +33,7 @@ LEEWAY = 0.1  # by how much the logarithm of L may leave what it is at both ends
 SMALL = 0.5  # size of L, against 1 and its largest value, below which a delay's turns do not matter
 CUTS = 8  # parts of a stretch in which a minimum and a maximum may hide together
 
-SLOPE_STEP, LAST_STEP = 1e-6, 1e-8
-"""Of a bracket: over which part slopes are measured, and how long the last step may be.
-
-Where L passes close to -1 a minimum is far narrower than its bracket.
-"""
+LAST_STEP = 1e-14  # how exactly a zero is found, against its bracket
 
 VANISHED = 1e-290  # in place of 0, the value of a factor at a root on the axis
 
@@ -337,25 +333,23 @@ def _hidden(locus: Locus, omega: FloatArray, motion: FloatArray) -> FloatArray:
 
 
 def _solved(locus: Locus, omega: FloatArray, motion: FloatArray, at: Brackets) -> FloatArray:
-    """Find the zeros of rows of the motion, each in its bracket, by Newton's steps."""
+    """Find the zeros of rows of the motion, each in its bracket, by Halley's steps."""
     row, loop, low, high = at
     if not row.size:
         return omega[low]
-    each, both = np.arange(row.size), np.concatenate([loop, loop])
+    each, rows, loops = np.arange(3 * row.size), np.tile(row, 3), np.tile(loop, 3)
     first, last = motion[row, loop, low], motion[row, loop, high]
     upwards = np.where(first < 0, 1.0, -1.0)
     left, right = omega[low], omega[high]
-    step = SLOPE_STEP * (right - left)
 
-    def value_and_slope(omega: FloatArray) -> tuple[FloatArray, FloatArray]:
-        found = locus.motion(np.concatenate([omega, omega + step]), both)
-        value, beside = found[row, each], found[row, each + row.size]
-        return upwards * value, upwards * (beside - value) / step
+    def value(omega: FloatArray) -> FloatArray:
+        found = locus.motion(omega.ravel(), loops)[rows, each]
+        return upwards * found.reshape(omega.shape)
 
     with np.errstate(all="ignore"):
         start = left * (right / left) ** _guessed(motion, omega, at, first, last)
     start = np.where(np.isfinite(start), start, (left + right) / 2)
-    return newton(value_and_slope, left, right, start, LAST_STEP * (right - left))
+    return halley(value, left, right, start, LAST_STEP * (right - left))
 
 
 def _guessed(

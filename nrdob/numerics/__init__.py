@@ -3,7 +3,7 @@
 from .argument import Term, frequency_range, rhp_counts, zero_free
 from .arrays import ROUNDING, BoolArray, ComplexArray, FloatArray, IntArray, is_real, is_whole, runs
 from .coefficients import add, exponential, exponential_rest, pade
-from .crossings import bisect, golden, newton, side
+from .crossings import bisect, golden, halley, side
 from .manypolynomials import convolved, hurwitz, padded_sum, values_and_slopes, values_on_axis
 from .quasipoly import QuasiPolynomial, follow_together, multiply
 from .rootcount import RootCount, count_rhp, frequency_segments, unstable_roots
@@ -37,12 +37,12 @@ __all__ = [
     "frequency_range",
     "frequency_segments",
     "golden",
+    "halley",
     "hurwitz",
     "impulse_states",
     "is_real",
     "is_whole",
     "multiply",
-    "newton",
     "number",
     "padded_sum",
     "pade",

@@ -8,11 +8,14 @@ import numpy as np
 
 from .arrays import FloatArray
 
-__all__ = ["bisect", "golden", "newton", "side", "zeros"]
+__all__ = ["bisect", "golden", "halley", "side", "zeros"]
 
 Function = Callable[[FloatArray], FloatArray]
 
 EPS = float(np.finfo(float).eps)
+
+PART, LEAST = 1e-4, 1e-7
+"""Over which part of the last step, and at least of the bracket, derivatives are taken."""
 
 
 def side(values: FloatArray) -> FloatArray:
@@ -69,38 +72,35 @@ def bisect(
     return best
 
 
-def newton(
-    function: Callable[[FloatArray], tuple[FloatArray, FloatArray]],
-    low: FloatArray,
-    high: FloatArray,
-    start: FloatArray,
-    within: FloatArray | float,
+def halley(
+    function: Function, low: FloatArray, high: FloatArray, start: FloatArray, within: FloatArray
 ) -> FloatArray:
     """Find a zero between each `low` and `high`, at which the function is below and above 0.
 
-    By Newton's steps from `start`, for `function` gives values and slopes; by halves where a step
-    would leave the bracket or is not half as long as the last, until all are as short as `within`.
+    By Halley's steps from `start`, each of which leaves about the cube of the last error; by halves
+    where one would leave the bracket or is not half as long as the last. They end when the next
+    ones are expected to be shorter than `within`.
 
     Parameters
     ----------
     function : callable
-        Takes an array of the brackets' shape, and gives two.
-    low, high, start : array of float, of one shape
-    within : float or array of float
-        Longest last step.
+        Takes an array of shape (3, n), and gives one: derivatives are taken by differences.
+    low, high, start, within : array of float, shape (n,)
     """
     x = np.minimum(np.maximum(start, np.minimum(low, high)), np.maximum(low, high))
-    last = np.abs(high - low)
+    last = width = np.abs(high - low)
     for _ in range(120):
-        value, slope = function(x)
+        h = np.maximum(PART * last, LEAST * width)
+        value, before, behind = function(np.array([x, x - h, x + h]))
         below = value < 0
         low, high = np.where(below, x, low), np.where(below, high, x)
         with np.errstate(all="ignore"):  # what is not finite is halved
-            step = -value / slope
+            step = -2 * h * value / (behind - before)
+            step = step / (1 + step * (behind - 2 * value + before) / (behind - before) / h)
             safe = ((x + step - low) * (x + step - high) <= 0) & (np.abs(step) < last / 2)
         step = np.where(safe | (np.abs(step) <= within), step, (low + high) / 2 - x)
-        x, last = x + step, np.abs(step)
-        if (last <= within).all():
+        x, before_last, last = x + step, last, np.abs(step)
+        if (last**4 <= within * before_last**3).all():
             break
     return x
 

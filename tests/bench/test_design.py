@@ -139,9 +139,9 @@ def test_error_of_the_ends(note, name, process, model, order):
 
 SPECIFICATIONS = [
     ("Example 2, Ms ≤ 1.6", 2, False, {"max_ms": 1.6}),
-    ("Example 2 modified, GM and PM", 2, True, {"min_gm_db": 6.0, "min_pm_deg": 45.0}),
+    ("Example 2 modified, Ms ≤ 2", 2, True, {"max_ms": 2.0}),
     ("Example 4, Ms ≤ 1.6", 4, False, {"max_ms": 1.6}),
-    ("Example 4 modified, GM and PM", 4, True, {"min_gm_db": 6.0, "min_pm_deg": 45.0}),
+    ("Example 4 modified, Ms ≤ 2", 4, True, {"max_ms": 2.0}),
 ]
 
 
