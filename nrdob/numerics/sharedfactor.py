@@ -29,6 +29,7 @@ VANISHING, NO_ROOT = 1e-9, 1e-2
 A multiple root, however its copies scatter, gives small values, too.
 """
 
+CLOSE = 0.25  # share of the rounding allowed at which a fit is not made any better
 FEW = 4  # roots that are known to 1e-4 of themselves even if they are all the same
 
 
@@ -174,13 +175,12 @@ def _fitted(f: QuasiPolynomial, g: QuasiPolynomial, divisor: FloatArray) -> Shar
             for p, w in zip((f, g), weights, strict=True)
         )
         for _ in range(5):
+            if all(_gives_back(p, divisor, c, CLOSE) for p, c in ((f, u), (g, v))):
+                break
             errors = [
                 (p.q - np.convolve(divisor, c)) * w
                 for p, c, w in zip((f, g), (u, v), weights, strict=True)
             ]
-            error = max(float(np.abs(e).max()) for e in errors)
-            if not error > ROUNDING / 20:
-                break
             rows = f.q.size
             jacobian = np.zeros((rows + g.q.size, m + u.size + v.size))
             jacobian[:, :m] = np.vstack([convolution_matrix(c, m + 1)[:, 1:] for c in (u, v)])
@@ -195,11 +195,13 @@ def _fitted(f: QuasiPolynomial, g: QuasiPolynomial, divisor: FloatArray) -> Shar
     return Shared(QuasiPolynomial(divisor), QuasiPolynomial(u), QuasiPolynomial(v))
 
 
-def _gives_back(p: QuasiPolynomial, divisor: FloatArray, cofactor: FloatArray) -> bool:
-    """Whether a product is p, within the rounding of its coefficients and of the factors."""
+def _gives_back(
+    p: QuasiPolynomial, divisor: FloatArray, cofactor: FloatArray, share: float = 1.0
+) -> bool:
+    """Whether a product is p, within a share of the rounding of its coefficients and factors."""
     error = np.abs(p.q - np.convolve(divisor, cofactor))
     rounding = EPS * np.convolve(np.abs(divisor), np.abs(cofactor))
-    return bool(np.all(error <= ROUNDING * _sizes(p) + rounding))
+    return bool(np.all(error <= share * (ROUNDING * _sizes(p) + rounding)))
 
 
 def _sizes(p: QuasiPolynomial) -> FloatArray:
