@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import sys
 import warnings
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import Any
@@ -567,6 +568,23 @@ class TestCheckAndScore:
         points = score("0.1", lambda case: 4 * case.side, 3, points=4, seed=1)
         assert isinstance(points, Points)
         assert float(repr(points)) == 1
+    @pytest.mark.parametrize(
+        "wrong", [AREA.misconceptions[0].example, lambda case: 1.01 * case.side**2]
+    )
+    def test_a_mistake_is_not_named_that_the_own_case_alone_shows(
+        self, wrong: Callable[[Square], float], monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        roughly = replace(AREA, rounded=lambda case, got: same(case.side**2, got, rtol=0.02))
+        monkeypatch.setitem(PROBLEMS, "0.1", roughly)
+        own = own_case("0.1", 3)
+
+        def answer(case: Square) -> float:
+            return wrong(case) if case == own else 1000.0
+
+        points = score("0.1", answer, 3, points=4, seed=1)
+        assert (points, points.feedback.recognised) == (0, "")
+        assert points.feedback.text.startswith(f"Not yet. For {own} the answer")
+
         assert "1 of 4 points" in points._repr_html_()
         assert "That is the way around." in points._repr_html_()
 
