@@ -202,6 +202,10 @@ def test_a_block_is_shown_without_the_number_that_counts_blocks(answer, shown) -
     assert shown in said and "sys[" not in said
 
 
+def test_a_function_is_shown_without_its_address() -> None:
+    assert "the answer (a function) fails" in review(AREA, lambda case: judged, CASES).text
+
+
 def test_another_wrong_answer_is_shown_with_its_case_and_the_reason() -> None:
     found = review(AREA, lambda case: 7 * case.side**2, CASES)
     assert found.share == 0

@@ -257,6 +257,14 @@ def test_a_tampered_grader_gives_no_points(kernel: Any, monkeypatch: pytest.Monk
 
 
 def test_neither_seed_nor_key_is_sent() -> None:
+def test_a_tampered_error_is_cut() -> None:
+    def ask(source: str) -> str:
+        told = {asking("GROUP"): {"value": 5}, asking("encirclements"): {"function": True}}
+        return json.dumps(told.get(source, {"error": ["A" * 10**6, "B" * 10**6]}))
+
+    assert len(judged(TEST, ask)[0].text) < 3000
+
+
     assert asking("encirclements").endswith(".tell(encirclements, '')")
     for path in sorted(SOURCE.glob("*/*.ipynb")):
         for this in posed(path):
