@@ -568,10 +568,6 @@ class TestCheckAndScore:
 
         assert score("0.1", all_but_the_own, 3, points=4, seed=1) < 4
 
-    def test_points_are_a_number_to_nbgrader_and_words_to_the_reader(self) -> None:
-        points = score("0.1", lambda case: 4 * case.side, 3, points=4, seed=1)
-        assert isinstance(points, Points)
-        assert float(repr(points)) == 1
     @pytest.mark.parametrize(
         "wrong", [AREA.misconceptions[0].example, lambda case: 1.01 * case.side**2]
     )
@@ -589,6 +585,10 @@ class TestCheckAndScore:
         assert (points, points.feedback.recognised) == (0, "")
         assert points.feedback.text.startswith(f"Not yet. For {own} the answer")
 
+    def test_points_are_a_number_to_nbgrader_and_words_to_the_reader(self) -> None:
+        points = score("0.1", lambda case: 4 * case.side, 3, points=4, seed=1)
+        assert isinstance(points, Points)
+        assert float(repr(points)) == 1
         assert "1 of 4 points" in points._repr_html_()
         assert "That is the way around." in points._repr_html_()
 
