@@ -361,6 +361,16 @@ FORGERIES = {
         "\n"
     )
     + WRONG,
+    "a number of a cell that is none": (
+        "import json\n"
+        "\n"
+        "kernel = get_ipython().kernel\n"
+        "kernel.session.pack = lambda content: json.dumps(content, default=str).encode()\n"
+        "kernel.session.send(kernel.iopub_socket, 'execute_result', {{'data': {{'text/plain': "
+        "'3'}}, 'metadata': {{}}, 'execution_count': '\\ud800'}}, parent=kernel.get_parent())\n"
+        "\n"
+    )
+    + WRONG,
     "hooks after each cell": (
         "get_ipython().events.register('post_run_cell', lambda result: print('3'))\n\n"
     )

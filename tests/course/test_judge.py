@@ -387,7 +387,7 @@ def test_a_kernel_whose_ports_were_taken_is_started_again(
     monkeypatch.setattr(Execute, "preprocess", preprocess)
     notebook, resources = nbformat.v4.new_notebook(), {"metadata": {"path": str(tmp_path)}}
     if failing < starts:
-        assert PatientExecute().preprocess(notebook, resources)[0] is notebook
+        assert PatientExecute().preprocess(notebook, resources)[0] == notebook
     else:
         with pytest.raises(RuntimeError, match="Kernel died"):
             PatientExecute().preprocess(notebook, resources)
@@ -407,3 +407,17 @@ def test_what_breaks_one_kernel_after_the_other_has_no_say(
     with pytest.raises(RuntimeError, match="more than 10 cells") as found:
         PatientExecute().preprocess(notebook, resources)
     assert "Signature" not in "".join(traceback.format_exception(found.value))
+
+
+def test_what_no_file_takes_does_not_stop_the_grading(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def preprocess(self: Any, nb: Any, resources: Any, km: Any) -> tuple[Any, Any]:
+        nb.cells[0].outputs = [nbformat.v4.new_output("stream", text="half a smiley: \ud83d")]
+        return nb, resources
+
+    monkeypatch.setattr(Execute, "preprocess", preprocess)
+    notebook = nbformat.v4.new_notebook(cells=[nbformat.v4.new_code_cell()])
+    marked, _ = PatientExecute().preprocess(notebook, {"metadata": {"path": tmp_path}})
+    nbformat.write(marked, tmp_path / "marked.ipynb")
+    assert "half a smiley: ?" in (tmp_path / "marked.ipynb").read_text("utf-8")

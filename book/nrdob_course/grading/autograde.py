@@ -47,7 +47,7 @@ from .children import Child, Provisioner, end, serve
 from .feedback import offline
 from .handout import handout, own_cases
 from .judge import Ask, HiddenTest, Stopped, apart, hidden_test, judge, look
-from .submissions import group_of
+from .submissions import group_of, writable
 
 __all__ = ["SETTINGS", "PatientExecute", "course", "is_sound", "write_feedback"]
 
@@ -114,7 +114,7 @@ class PatientExecute(Execute):  # type: ignore[misc]
             verdicts |= {index: self.verdicts.get(index, NO_VERDICT) for index in self.functions}
         for index in tests:
             nb.cells[index].outputs = [verdicts.get(index, NO_VERDICT)]
-        return nb, resources
+        return nbformat.from_dict(writable(nb)), resources
 
     def run(self, nb: Any, resources: Any, km: Any) -> tuple[Any, Any]:
         """Execute the notebook, and again without a cell that ends the kernel."""
@@ -280,6 +280,8 @@ class PatientExecute(Execute):  # type: ignore[misc]
         if kind not in SAID:
             return super().process_message(msg, cell, cell_index) if kind in STATE else None
         content.pop("transient", None)  # a display with an id changes other cells
+        if "execution_count" in content:  # a kernel may say anything here
+            content["execution_count"] = self.code_cells_executed
         is_answer = encoding.MIME in content.get("data", ())
         self.size += len(str(content))
         if self.size > (encoding.LONGEST + 1000 if is_answer else self.most_output):
