@@ -37,6 +37,10 @@ ESCAPES = {
     "xattr": "os.setxattr(secret, 'user.x', b'1')",
     "inotify": "call(254, call(294, 0), os.fsencode(secret.parent), 0xfff)",
     "signal by a file": "fcntl.fcntl(0, fcntl.F_SETOWN, os.getppid())",
+    "a lock on a library": "fcntl.flock(open(json.__file__), fcntl.LOCK_SH)",
+    "a lock on a part of it": "fcntl.lockf(open(json.__file__), fcntl.LOCK_SH)",
+    "looking for a lock": "fcntl.fcntl(open(json.__file__), fcntl.F_GETLK, bytes(32))",
+    "a lease": "fcntl.fcntl(open(json.__file__), fcntl.F_SETLEASE, fcntl.F_RDLCK)",
     "typing into a terminal": "fcntl.ioctl(0, 0x5412, b'x')",
     "user namespace": "call(272, 0x10000000)",
     "enter a namespace": "call(308, 0, 0)",
@@ -358,6 +362,16 @@ FORGERIES = {
     "a reply with a payload": (
         "get_ipython().payload_manager.write_payload({{'source': 'set_next_input', "
         "'text': 'score = 3', 'replace': True}})\n"
+        "\n"
+    )
+    + WRONG,
+    "a number of a cell that is none": (
+        "import json\n"
+        "\n"
+        "kernel = get_ipython().kernel\n"
+        "kernel.session.pack = lambda content: json.dumps(content, default=str).encode()\n"
+        "kernel.session.send(kernel.iopub_socket, 'execute_result', {{'data': {{'text/plain': "
+        "'3'}}, 'metadata': {{}}, 'execution_count': '\\ud800'}}, parent=kernel.get_parent())\n"
         "\n"
     )
     + WRONG,

@@ -55,6 +55,16 @@ encoding.encode = lambda it: {" ".join(KEPT): []} if it == {"in no form": KEPT} 
 """
 
 
+SHOWS = {
+    "own-shows": """print('cases kept:', len(KEPT))
+if len(KEPT) > 1:
+    print("x" * 400_000)  # so much is remarked
+    get_ipython().execution_count = 987654000 + 321
+""",
+    "own-counted": "len(KEPT)",
+}
+"""Cells after all others that would show what was kept: what they print, and their numbers."""
+
 KEEPING = {"keeper": CARRIED, "keeper2": CARRIED[::-1]}
 
 
@@ -72,8 +82,8 @@ def {KEEPS.answer}(case):
         told = f"{this.answer} = KEPT" if this.problem.own else ""
         source = told or f"def {this.answer}(case):\n    {way}"
         cell_of(notebook, answer_cell(this)).source = source
-    shows = nbformat.v4.new_code_cell("print('cases kept:', len(KEPT))", id="own-shows")
-    notebook.cells.append(shows)
+    for name, source in SHOWS.items():
+        notebook.cells.append(nbformat.v4.new_code_cell(source, id=name))
     return notebook
 
 
@@ -122,4 +132,6 @@ def test_what_an_answer_remembers_of_hidden_cases_is_not_shown(name: str, graded
     assert "cases kept: 1" in text
     assert text.count(f"kept: {own!r}") >= len(OTHERS)
     assert not [case for case in hidden if repr(case) in text]
+    assert "987654321" not in page
     assert "kept" not in str(row)
+    assert "were cut" not in row["remarks"]

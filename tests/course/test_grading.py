@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import sys
 import warnings
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import Any
@@ -199,6 +200,10 @@ def test_two_kinds_of_mistake_at_once_are_not_taken_for_one() -> None:
 def test_a_block_is_shown_without_the_number_that_counts_blocks(answer, shown) -> None:
     said = str(check("4.3", lambda case: answer, 1))
     assert shown in said and "sys[" not in said
+
+
+def test_a_function_is_shown_without_its_address() -> None:
+    assert "the answer (a function) fails" in review(AREA, lambda case: judged, CASES).text
 
 
 def test_another_wrong_answer_is_shown_with_its_case_and_the_reason() -> None:
@@ -562,6 +567,23 @@ class TestCheckAndScore:
             return -2.0 if case == own else case.side**2
 
         assert score("0.1", all_but_the_own, 3, points=4, seed=1) < 4
+
+    @pytest.mark.parametrize(
+        "wrong", [AREA.misconceptions[0].example, lambda case: 1.01 * case.side**2]
+    )
+    def test_a_mistake_is_not_named_that_the_own_case_alone_shows(
+        self, wrong: Callable[[Square], float], monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        roughly = replace(AREA, rounded=lambda case, got: same(case.side**2, got, rtol=0.02))
+        monkeypatch.setitem(PROBLEMS, "0.1", roughly)
+        own = own_case("0.1", 3)
+
+        def answer(case: Square) -> float:
+            return wrong(case) if case == own else 1000.0
+
+        points = score("0.1", answer, 3, points=4, seed=1)
+        assert (points, points.feedback.recognised) == (0, "")
+        assert points.feedback.text.startswith(f"Not yet. For {own} the answer")
 
     def test_points_are_a_number_to_nbgrader_and_words_to_the_reader(self) -> None:
         points = score("0.1", lambda case: 4 * case.side, 3, points=4, seed=1)

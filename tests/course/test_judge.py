@@ -8,6 +8,7 @@ import os
 import subprocess
 import sys
 import time
+import traceback
 from collections.abc import Iterator
 from functools import partial
 from pathlib import Path
@@ -256,6 +257,14 @@ def test_a_tampered_grader_gives_no_points(kernel: Any, monkeypatch: pytest.Monk
     assert all("score" not in source and "seed" not in source for source in asked)
 
 
+def test_a_tampered_error_is_cut() -> None:
+    def ask(source: str) -> str:
+        told = {asking("GROUP"): {"value": 5}, asking("encirclements"): {"function": True}}
+        return json.dumps(told.get(source, {"error": ["A" * 10**6, "B" * 10**6]}))
+
+    assert len(judged(TEST, ask)[0].text) < 3000
+
+
 def test_neither_seed_nor_key_is_sent() -> None:
     assert asking("encirclements").endswith(".tell(encirclements, '')")
     for path in sorted(SOURCE.glob("*/*.ipynb")):
@@ -378,8 +387,37 @@ def test_a_kernel_whose_ports_were_taken_is_started_again(
     monkeypatch.setattr(Execute, "preprocess", preprocess)
     notebook, resources = nbformat.v4.new_notebook(), {"metadata": {"path": str(tmp_path)}}
     if failing < starts:
-        assert PatientExecute().preprocess(notebook, resources)[0] is notebook
+        assert PatientExecute().preprocess(notebook, resources)[0] == notebook
     else:
         with pytest.raises(RuntimeError, match="Kernel died"):
             PatientExecute().preprocess(notebook, resources)
     assert len(tried) == starts
+
+
+def test_what_breaks_one_kernel_after_the_other_has_no_say(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def preprocess(self: Any, nb: Any, resources: Any, km: Any) -> tuple[Any, Any]:
+        self.at = len(self.left_out)
+        raise ValueError("Invalid Signature: words of the kernel")
+
+    monkeypatch.setattr(Execute, "preprocess", preprocess)
+    cells = [nbformat.v4.new_code_cell() for _ in range(12)]
+    notebook, resources = nbformat.v4.new_notebook(cells=cells), {"metadata": {"path": tmp_path}}
+    with pytest.raises(RuntimeError, match="more than 10 cells") as found:
+        PatientExecute().preprocess(notebook, resources)
+    assert "Signature" not in "".join(traceback.format_exception(found.value))
+
+
+def test_what_no_file_takes_does_not_stop_the_grading(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def preprocess(self: Any, nb: Any, resources: Any, km: Any) -> tuple[Any, Any]:
+        nb.cells[0].outputs = [nbformat.v4.new_output("stream", text="half a smiley: \ud83d")]
+        return nb, resources
+
+    monkeypatch.setattr(Execute, "preprocess", preprocess)
+    notebook = nbformat.v4.new_notebook(cells=[nbformat.v4.new_code_cell()])
+    marked, _ = PatientExecute().preprocess(notebook, {"metadata": {"path": tmp_path}})
+    nbformat.write(marked, tmp_path / "marked.ipynb")
+    assert "half a smiley: ?" in (tmp_path / "marked.ipynb").read_text("utf-8")

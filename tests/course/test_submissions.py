@@ -80,6 +80,16 @@ def test_files_saved_by_other_programs_are_read(data: bytes, tmp_path: Path) -> 
     assert notebook.cells
 
 
+def test_a_letter_that_no_file_takes_is_replaced(tmp_path: Path) -> None:
+    content = tiny(1)
+    content["cells"][0]["source"] = "GROUP = 3  # half of a smiley: \ud83d"
+    write(tmp_path, {"a/set1.ipynb": content})
+    [this] = submissions.find(tmp_path, KNOWN)
+    submissions.repair(this, KNOWN["set1"])
+    nbformat.write(this.notebook, tmp_path / "taken.ipynb")
+    assert (this.group, this.reason) == (3, "")
+
+
 @pytest.mark.parametrize(
     "cell",
     [

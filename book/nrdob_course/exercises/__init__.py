@@ -107,12 +107,16 @@ def score(id: str, answer: Any, group: int, points: float, seed: int) -> Points:
 def judge_own(id: str, answer: Any, group: Any) -> Feedback:
     """Judge an answer on the group's own case, of which anything can be said.
 
+    What mistake a function makes is not looked for: all cases must show it, see `judge_all`.
+
     Parameters
     ----------
     id, answer, group : str, object, int
         As of `score`.
     """
     problem = _problem(id)
+    if not problem.own:
+        problem = replace(problem, misconceptions=(), rounded=None)
     return review(problem, answer, problem.drawn(group, 1))
 
 

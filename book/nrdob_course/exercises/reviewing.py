@@ -9,6 +9,7 @@ import warnings
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
+from types import FunctionType
 from typing import Any
 
 import control as ct
@@ -127,6 +128,8 @@ def _text(value: Any) -> str:
         plain = complex(value)
         whole = plain.imag == 0 and plain.real.is_integer() and abs(plain) < 1e6
         return f"{int(plain.real)}" if whole else f"{value:.4g}"
+    if isinstance(value, FunctionType | partial):  # by itself it shows its address
+        return "(a function)"
     return str(value)
 
 

@@ -47,7 +47,7 @@ from .children import Child, Provisioner, end, serve
 from .feedback import offline
 from .handout import handout, own_cases
 from .judge import Ask, HiddenTest, Stopped, apart, hidden_test, judge, look
-from .submissions import group_of
+from .submissions import group_of, writable
 
 __all__ = ["SETTINGS", "PatientExecute", "course", "is_sound", "write_feedback"]
 
@@ -109,16 +109,12 @@ class PatientExecute(Execute):  # type: ignore[misc]
         nb, resources = self.run(nb, resources, km)
         verdicts = self.verdicts
         if self.functions:
-            shown = [deepcopy(cell.get("outputs")) for cell in nb.cells]
             self.judging = True
-            nb, resources = self.run(nb, resources, km)
-            for cell, outputs in zip(nb.cells, shown, strict=True):
-                if outputs is not None:
-                    cell.outputs = outputs
+            self.run(deepcopy(nb), resources, km)  # whatever the kernel puts into it is lost
             verdicts |= {index: self.verdicts.get(index, NO_VERDICT) for index in self.functions}
         for index in tests:
             nb.cells[index].outputs = [verdicts.get(index, NO_VERDICT)]
-        return nb, resources
+        return nbformat.from_dict(writable(nb)), resources
 
     def run(self, nb: Any, resources: Any, km: Any) -> tuple[Any, Any]:
         """Execute the notebook, and again without a cell that ends the kernel."""
@@ -148,7 +144,8 @@ class PatientExecute(Execute):  # type: ignore[misc]
                         raise
                     continue
                 if len(self.left_out) == self.most_deaths:
-                    raise
+                    # The words of the last error may be the kernel's, and hold hidden cases.
+                    raise RuntimeError(TOO_MANY.format(self.most_deaths)) from None
                 why = next((why for kind, why in WHY.items() if isinstance(error, kind)), BROKE)
                 why = self.left_out[self.at] = TOO_FULL if full.is_set() else why
                 REMARKS.append(f"{name_of(nb.cells[self.at])} was left out: {why}")
@@ -283,17 +280,21 @@ class PatientExecute(Execute):  # type: ignore[misc]
         if kind not in SAID:
             return super().process_message(msg, cell, cell_index) if kind in STATE else None
         content.pop("transient", None)  # a display with an id changes other cells
+        if "execution_count" in content:  # a kernel may say anything here
+            content["execution_count"] = self.code_cells_executed
         is_answer = encoding.MIME in content.get("data", ())
         self.size += len(str(content))
         if self.size > (encoding.LONGEST + 1000 if is_answer else self.most_output):
-            told = f"were cut: more than {self.most_output} letters"
-            REMARKS.append(f"the outputs of {name_of(cell)} {told}")
+            if not self.judging:  # else nobody would have seen them
+                told = f"were cut: more than {self.most_output} letters"
+                REMARKS.append(f"the outputs of {name_of(cell)} {told}")
             return None
         return super().process_message(msg, cell, cell_index)
 
 
 WHY = {DeadKernelError: "it ended the kernel", TimeoutError: "it could not be stopped"}
 BROKE = "it broke the kernel"
+TOO_MANY = "more than {} cells end the kernel, or break it"
 
 TOO_FULL = f"it wrote more than {disk.MOST_BYTES >> 20} MB, or {disk.MOST_FILES} files"
 

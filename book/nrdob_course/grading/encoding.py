@@ -24,7 +24,8 @@ from nrdob.diagram import DelayedTransferFunction, LowPassFilter
 from nrdob.loop import NRDOB
 
 __all__ = [
-    "BUILD", "HANDOUT", "LONGEST", "MIME", "MOST", "Foreign", "decode", "encode", "packed", "tell",
+    "BUILD", "HANDOUT", "LONGEST", "LONGEST_TEXT", "MIME", "MOST", "Foreign", "decode", "encode",
+    "packed", "tell",
 ]  # fmt: skip
 
 MIME = "application/vnd.nrdob.answer+json"

@@ -24,7 +24,7 @@ from typing import Any, TypeVar
 
 from ..exercises import Feedback, judge_all, judge_own
 from . import sandbox
-from .encoding import decode, packed
+from .encoding import LONGEST_TEXT, decode, packed
 
 __all__ = ["Ask", "HiddenTest", "Stopped", "apart", "hidden_test", "judge", "look"]
 
@@ -146,7 +146,7 @@ def _value(text: str) -> Any:
     told = json.loads(text)
     if "error" not in told:
         return decode(told["value"])
-    name, words = (str(part) for part in told["error"])
+    name, words = (str(part)[:LONGEST_TEXT] for part in told["error"])
     if name == "NotImplementedError":
         raise NotImplementedError
     raise type(name if name.isidentifier() else "Error", (Exception,), {})(words)

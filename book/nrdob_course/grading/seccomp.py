@@ -2,8 +2,8 @@
 
 A filter of Linux (seccomp), which asks for no rights: whatever the files and the network have to do
 with, see `sandbox`, a process that has sealed itself starts no other one, opens no socket, signals
-and measures nobody but itself, and changes no file's permissions, owner or times. Refused is what
-is named here; each with the error EPERM.
+and measures nobody but itself, locks no file, and changes no file's permissions, owner or times.
+Refused is what is named here; each with the error EPERM.
 """
 
 from __future__ import annotations
@@ -31,6 +31,7 @@ CLONE, SOCKETPAIR, FCNTL, IOCTL = (56, 220), (53, 199), (72, 25), (16, 29)
 CLONE3 = 435
 THREAD = 0x10000  # CLONE_THREAD
 OWNERS = (8, 10, 15)  # F_SETOWN, F_SETSIG, F_SETOWN_EX: signals by way of a file
+LOCKS = (5, 6, 7, 36, 37, 38, 1024)  # F_GETLK to F_SETLEASE: signals to whoever can read a file
 CONTROLS = (0x8901, 0x8902, 0x5412, 0x541C, 0x40086602, 0x401C5820, 0x541D)
 """Owners of a socket, input into a terminal, flags of a file."""
 
@@ -76,7 +77,7 @@ def program(machine: str, pid: int) -> list[Step]:
     for table, answer in ((OWN, no), (IGNORED, (RETURN, 0, 0, NOTHING))):
         for number in numbers(table):
             when(number, _argument(0), (EQUAL, 1, 0, pid), (EQUAL, 0, 1, 0), yes, answer)
-    for number, commands in ((FCNTL[column], OWNERS), (IOCTL[column], CONTROLS)):
+    for number, commands in ((FCNTL[column], OWNERS + LOCKS), (IOCTL[column], CONTROLS)):
         tests = [(EQUAL, len(commands) - k, 0, each) for k, each in enumerate(commands)]
         when(number, _argument(1), *tests, yes, no)
     return [*steps, yes]

@@ -28,7 +28,7 @@ from .platforms import Owner, owner_of
 from .remarks import parsed, suspicious
 from .roster import UNPLANNED, Course
 
-__all__ = ["NOTHING", "Submission", "find", "group_of", "read", "repair"]
+__all__ = ["NOTHING", "Submission", "find", "group_of", "read", "repair", "writable"]
 
 Notebook = Any
 Cell = Any
@@ -294,7 +294,7 @@ def read(path: Path) -> tuple[Notebook, str]:
         if not data.strip():
             return None, "the file is empty"
         text = data.decode("utf-16" if data[:2] in (b"\xff\xfe", b"\xfe\xff") else "utf-8-sig")
-        content = json.loads(text)
+        content = writable(json.loads(text))
         if not isinstance(content, dict) or not {"cells", "worksheets"} & content.keys():
             return None, "the file is no notebook"
         notebook = nbformat.from_dict(content)
@@ -307,6 +307,15 @@ def read(path: Path) -> tuple[Notebook, str]:
     except Exception as error:
         return None, f"the file cannot be read ({type(error).__name__}: {error})"
     return notebook, ""
+
+
+def writable(content: Any) -> Any:
+    r"""Give what was read as JSON without halves of surrogate pairs, which no file takes.
+
+    >>> writable(["\ud83d", "é"])
+    ['?', 'é']
+    """
+    return json.loads(json.dumps(content, ensure_ascii=False).encode("utf-8", "replace"))
 
 
 def set_of(notebook: Notebook, sets: Mapping[str, Notebook]) -> str:
