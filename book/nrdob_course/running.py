@@ -8,6 +8,7 @@ from typing import Any
 
 import nbformat
 from nbclient import NotebookClient
+from nbclient.exceptions import DeadKernelError
 
 __all__ = ["NotebookRuleError", "execute", "kernel_environment"]
 
@@ -15,6 +16,9 @@ METADATA = {
     "kernelspec": {"display_name": "Python 3", "language": "python", "name": "python3"},
     "language_info": {"name": "python"},
 }
+
+
+STARTS = 3  # of a kernel whose ports another program takes before it does
 
 
 class NotebookRuleError(Exception):
@@ -84,22 +88,30 @@ def execute(path: Path, timeout: int) -> str:
     ------
     NotebookRuleError
         If a cell shows two figures.
-    nbclient.exceptions.CellExecutionError
-        If a cell fails.
+    nbclient.exceptions.CellExecutionError, RuntimeError
+        If a cell fails; if no kernel starts.
     """
     notebook = nbformat.read(path, as_version=4)
-    client = NotebookClient(
-        notebook,
-        timeout=timeout,
-        kernel_name="python3",
-        record_timing=False,
-        store_widget_state=False,
-        coalesce_streams=True,  # else one print may be stored in two parts, as the timing falls
-        # Else the kernel remarks, each time, that it talks over the loopback unencrypted.
-        extra_arguments=["--log-level=ERROR"],
-        resources={"metadata": {"path": str(path.parent)}},
-    )
-    client.execute(env=kernel_environment())
+    for start in range(1, STARTS + 1):
+        client = NotebookClient(
+            notebook,
+            timeout=timeout,
+            kernel_name="python3",
+            record_timing=False,
+            store_widget_state=False,
+            coalesce_streams=True,  # else one print may be stored in two parts, as the timing falls
+            # Else the kernel remarks, each time, that it talks over the loopback unencrypted.
+            extra_arguments=["--log-level=ERROR"],
+            resources={"metadata": {"path": str(path.parent)}},
+        )
+        try:
+            client.execute(env=kernel_environment())
+            break
+        except DeadKernelError:  # in a cell
+            raise
+        except RuntimeError:  # at its start
+            if start == STARTS:
+                raise
     for cell in notebook.cells:
         if cell.cell_type == "code":
             copy_alt_text(cell)
