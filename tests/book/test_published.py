@@ -19,6 +19,9 @@ ADDRESS = "https://somebody.example/book"
 EXT = Path(published.__file__).parent
 WORKFLOWS = Path(__file__).resolve().parents[2] / ".github" / "workflows"
 
+# Of the book's tools, not ours.
+pytestmark = pytest.mark.filterwarnings("ignore:.* is deprecated. Check CHANGES")
+
 INDEX = """A & B
 =====
 

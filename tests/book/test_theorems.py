@@ -15,6 +15,9 @@ from statements import faults, faults_of_book, lost_mentions, mentions, read
 
 ROOT = Path(__file__).resolve().parents[2]
 
+# Of the book's tools, not ours.
+pytestmark = pytest.mark.filterwarnings("ignore:.* is deprecated. Check CHANGES")
+
 SOUND = """As in
 
 > **Theorem 17.1 (Lemma 1, with $F$ *exact*).** *Let*

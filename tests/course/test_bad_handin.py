@@ -20,7 +20,7 @@ CHECKED = marks.number(MAX - POINTS[WRITTEN[0]])
 GOOD = f"Anna_1_assignsubmission_file_/{NAME}.ipynb"
 BAD = f"Eve_2_assignsubmission_file_/{NAME}.ipynb"
 
-pytestmark = pytest.mark.slow
+pytestmark = [pytest.mark.slow, pytest.mark.filterwarnings("ignore:Object of type")]
 Said = list[str]
 
 

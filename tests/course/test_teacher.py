@@ -26,7 +26,7 @@ from nrdob_course.grading.roster import Course, Student
 
 [PROBLEM] = map(marks.problem_of, WRITTEN)
 CHECKED = MAX - POINTS[WRITTEN[0]]
-pytestmark = pytest.mark.slow
+pytestmark = [pytest.mark.slow, pytest.mark.filterwarnings("ignore:Object of type")]
 NAMES = ("Anna Müller", "Bo Rossi", "Cléo")
 SECRET = "root:x:0:0"
 
