@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 from .parsing import UNITS, short
 
-__all__ = ["Choice", "checked_columns", "chosen", "known"]
+__all__ = ["SAMPLING", "Choice", "checked_columns", "chosen", "known"]
 
 # First words of a heading of times; t and ts are others, if no column of these is there.
 TIME = (
@@ -36,7 +36,21 @@ LIKELY = {
 """Words in headings of which the example in a question is made; nothing is taken for them."""
 
 # Headings of columns that number the rows: never taken for times.
-COUNTERS = ("sample", "samples", "index", "n", "k", "i", "no", "nr", "step", "count", "row", "id")
+COUNTERS = (
+    "sample",
+    "samples",
+    "index",
+    "n",
+    "k",
+    "i",
+    "no",
+    "nr",
+    "step",
+    "count",
+    "row",
+    "id",
+    "entry_id",
+)
 SAMPLING = "give the sampling time (--sampling-time 0.1; in Python sampling_time=0.1)"
 EXAMPLES = {"t": "Time", "u": "Q1", "y": "T1"}
 
@@ -74,11 +88,19 @@ def known(heads: Iterable[str]) -> int:
     return sum(bool(_is_time(head) or _signal(head, "u") or _signal(head, "y")) for head in heads)
 
 
-def chosen(heads: Sequence[str], asked: Mapping[str, str | int], timed: bool, table: str) -> Choice:
+def chosen(
+    heads: Sequence[str],
+    asked: Mapping[str, str | int],
+    timed: bool,
+    table: str,
+    moments: Collection[int] = (),
+    blank: Collection[int] = (),
+) -> Choice:
     """Find the columns, or raise a ValueError that lists them and asks.
 
     Heads are empty texts where there are none; asked are columns by name or number, as for
     `nrdob.read_data`; timed says whether there must be one of times, table what messages call it.
+    Moments are columns of dates and times of day; blank are others that hold no numbers.
 
     >>> chosen(["Time [ms]", "y", "u"], {}, True, "the table")
     Choice(order={'t': 0, 'u': 2, 'y': 1}, unit='ms', remarks=())
@@ -95,12 +117,15 @@ def chosen(heads: Sequence[str], asked: Mapping[str, str | int], timed: bool, ta
     if len(set(order.values())) < len(order):
         raise ValueError(f"{listed}; the same one is asked for twice: t, u and y are three columns")
     found = {what: _candidates(what, heads, order.values()) for what in wanted if what not in order}
+    if "t" in found and not found["t"]:
+        found["t"] = sorted({*moments} - {*order.values()})
     several = {what: each for what, each in found.items() if len(each) > 1}
     order |= {what: each[0] for what, each in found.items() if len(each) == 1}
     left = [
         k
         for k in range(width)
-        if k not in order.values() and not any(k in each for each in several.values())
+        if k not in {*order.values(), *moments, *blank}
+        if not any(k in each for each in several.values())
         if not titled or (heads[k] and heads[k].lower() not in COUNTERS)
     ]
     lacking = [what for what in wanted if what not in order and what not in several]
@@ -111,8 +136,9 @@ def chosen(heads: Sequence[str], asked: Mapping[str, str | int], timed: bool, ta
         order |= dict(zip(lacking, left, strict=True))
         taken = ", ".join(f"{what} = {_called(order[what], heads)}" for what in lacking)
         remarks = (
-            f"the headings do not say which column holds {' and '.join(lacking)}: taken in the "
-            f"order t, u, y, {taken}; name the columns to be sure ({_option(order, heads)})"
+            f"the headings do not say which column{'s hold' if lacking[1:] else ' holds'} "
+            f"{' and '.join(lacking)}: taken in the order t, u, y, {taken}; "
+            f"name the columns to be sure ({_option(order, heads)})"
             if titled
             else f"the columns were taken in the order {', '.join(wanted)}; name them to be sure "
             f"({_option(order, heads)})",
@@ -141,7 +167,11 @@ def _question(
         return f"{len(wanted)} are needed: {', '.join(wanted)}{more}"
     for what in lacking:
         free = [k for k in left if k not in example.values()]
-        likely = (k for k in free if not {*LIKELY.get(what, ())}.isdisjoint(_words(heads[k])))
+        likely = (
+            k
+            for k in free
+            if not {*LIKELY.get(what, ()), *SIGNALS.get(what, ())}.isdisjoint(_words(heads[k]))
+        )
         example[what] = next(likely, free[0])
     asks = [
         f"{what} may be {' or '.join(_called(k, heads) for k in each)}"
@@ -157,7 +187,7 @@ def _option(order: Mapping[str, int], heads: Sequence[str]) -> str:
     named: dict[str, str | int] = {w: order[w] + 1 for w in ("t", "u", "y") if w in order}
     for what in named:
         head = heads[order[what]]
-        if re.fullmatch(r"[^\W\d][\w .°%-]*", head) and len(head) < 20:
+        if re.fullmatch(r"[^\W\d][\w .°%-]*", head) and len(head) < 20 and heads.count(head) == 1:
             named[what] = head
     text = ",".join(f"{what}={each}" for what, each in named.items())
     quoted = f'"{text}"' if " " in text else text

@@ -12,7 +12,7 @@ from scipy.stats import chi2, norm
 from ..numerics import FloatArray
 from .fitting import Fit
 from .parameters import Parameter
-from .records import Record
+from .records import BEFORE, Record
 from .residuals import products, whitening_of
 
 __all__ = ["LITTLE", "doubts", "why_open"]
@@ -54,13 +54,20 @@ def doubts(
     )
 
 
-def why_open(gain: Parameter, follows: bool, unsettled: bool) -> tuple[str, str]:
+def why_open(gain: Parameter, follows: bool, unsettled: bool, alike: bool) -> tuple[str, str]:
     """Say why a gain may be zero, and with a remedy; two empty texts if it may not.
 
-    Follows: the residual still follows the input; unsettled: gain and lag are not told apart.
+    Follows: the residual still follows the input; unsettled: gain and lag are not told apart;
+    alike: what an integrator does by itself looks like its answer to the input.
     """
     if not gain.low <= 0 <= gain.high:
         return "", ""
+    if alike:
+        return "u moves only as the record begins, so that the gain of the integrator is open", (
+            "u moves only as the record begins, where y may have been moving already, so that the "
+            "gain of the integrator is open: begin the record well before the step; or, if the "
+            f"plant was at rest, {BEFORE}"
+        )
     if unsettled:
         return "y does not come to rest in the record, so that its gain is open", (
             "y does not come to rest in the record, so that the gain is not told from the lag: "

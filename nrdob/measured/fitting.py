@@ -32,7 +32,7 @@ from ..numerics import ROUNDING, BoolArray, FloatArray
 from .residuals import DECISIVE, Whitening, whitening_of
 from .structures import STRUCTURES, Structure
 
-__all__ = ["Fit", "Problem", "best_fit", "refined", "simple_fit"]
+__all__ = ["FEWEST", "Fit", "Problem", "best_fit", "refined", "simple_fit"]
 
 STEP, WIDE = 1e-5, 0.5  # of logarithms, and of the dead time in samples, for derivatives
 # Of the dead time in samples: for a lag the misfit has a kink at each whole one.

@@ -19,7 +19,7 @@ from ..diagram import DelayedTransferFunction
 from ..numerics import FloatArray, is_real
 from .choice import chosen, criterion, denied_sign, estimates, judge, weighed
 from .diagnostics import LITTLE, doubts, why_open
-from .fitting import Problem, best_fit, simple_fit
+from .fitting import FEWEST, Problem, best_fit, simple_fit
 from .parameters import CONFIDENCE, Parameter, corners_of, process_of
 from .records import Record, checked_record, resolution
 from .residuals import ResidualCheck, check_residuals
@@ -244,10 +244,13 @@ def identified(
     whole = Problem(inputs, outputs, record.free, resolution(record.y) / float(sizes[1]))
     count, parting = _parted(record, held_out)
     problem = whole.first(count)
-    # An integrator always moves: nobody knows the input that keeps it at rest.
+    # An integrator moves, for nobody knows the input that keeps it at rest, unless it was said.
     known = record.input_before is not None
     begun = [
-        [best_fit(each, problem, moving) for moving in {each.integrates, not known}]
+        [
+            best_fit(each, problem, moving)
+            for moving in ({False} if known else {each.integrates, True})
+        ]
         for each in structures
     ]
     # Where the input before the record is not known, the samples that the dead time keeps it alive
@@ -282,9 +285,11 @@ def identified(
         )
         for each in judged
     )  # fmt: skip
-    parameters, denied = denied_sign(best, rivals, judged, needless)
+    # What it does by itself is a ramp, and so is its answer to a step as the record begins.
+    alike = fit.structure.integrates and fit.moving and not np.diff(record.u)[FEWEST:].any()
+    parameters, denied = denied_sign(best, rivals, judged, needless or alike)
     open_gain, remedy = why_open(
-        parameters["gain"], follows, best.unsettled and not (denied or needless)
+        parameters["gain"], follows, best.unsettled and not (denied or needless), alike
     )
     remarks = doubts(
         record, parameters, (best.fit_percent, best.validation, follows), remedy,

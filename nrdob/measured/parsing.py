@@ -29,13 +29,14 @@ UNITS = {
 }
 """Seconds in each unit of time that a heading may name, in small letters."""
 
-NUMBER = re.compile(r"[+-]?(\d+[.,]?\d*|[.,]\d+)(e[+-]?\d+)?", re.I)
+# A comma at its end separates columns.
+NUMBER = re.compile(r"[+-]?(\d+(\.|[.,]\d+)?|[.,]\d+)(e[+-]?\d+)?", re.I)
 
 MOMENT = re.compile(
     r"(?:(?P<days>\d+)\s+days?,?\s+(?=\d))?"
     r"(?:(?P<day>\d{1,4}[-./](?:\d{1,2}|[a-z]{3,9})[-./]\d{1,4})(?:[t\s]\s*|$))?"
     r"(?:(?P<hour>\d{1,3}):(?P<minute>\d\d)(?::(?P<second>\d\d(?:[.,]\d+)?))?"
-    r"(?:\s*(?P<half>[ap])\.?m\.?)?)?\s*(?P<zone>z|[+-]\d\d:?\d\d)?",
+    r"(?:\s*(?P<half>[ap])\.?m\.?)?)?\s*(?P<zone>z|utc|gmt|[+-]\d\d:?\d\d)?",
     re.I,
 )
 
@@ -133,7 +134,8 @@ def _moment(cell: str, where: str) -> tuple[str | None, float, float | None]:
         clock = 86400.0 * int(found["days"] or 0) + 3600.0 * hour + 60.0 * minute + second
     zone = None
     if found["zone"] is not None:
-        digits = found["zone"].lower().replace("z", "+0000").replace(":", "")
+        named = found["zone"][0].isalpha()
+        digits = "+0000" if named else found["zone"].replace(":", "")
         zone = float(digits[0] + "1") * (3600.0 * int(digits[1:3]) + 60.0 * int(digits[3:]))
     if found["day"] is not None and ISO_DAY.fullmatch(found["day"]) and not _ordinal(found["day"]):
         raise ValueError(f"{where}: t is {short(cell)!r}, which is no day of a calendar")

@@ -11,7 +11,7 @@ import numpy as np
 from ..numerics import BoolArray, FloatArray, is_real, runs
 from .resampling import evenly_sampled
 
-__all__ = ["SHORTEST", "Record", "checked_record", "resolution"]
+__all__ = ["BEFORE", "SHORTEST", "Record", "checked_record", "resolution"]
 
 SHORTEST = 20
 """Samples below which nothing is fitted."""

@@ -8,14 +8,16 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from math import isfinite
 from os import PathLike
 from pathlib import Path
+from statistics import mode
 
 import numpy as np
 
 from ..numerics import FloatArray, is_real
-from .columns import Choice, checked_columns, chosen
+from .columns import SAMPLING, Choice, checked_columns, chosen
 from .parsing import UNITS, is_moment, number_in, seconds_in, short
 from .records import Record, checked_record
 from .textfiles import Sheet, read_sheet
@@ -43,9 +45,9 @@ def read_data(
     units) or, where these do not say, taken in the order t, u, y, with a remark. They are separated
     by tabs, semicolons, vertical bars, white space or commas; the decimal mark is a point or a
     comma (in quotes, if commas separate the columns). Times are numbers in the unit that their
-    heading names (else seconds), dates or times of day. Lines that begin with #, % or // are left
-    out, and so is what stands above the headings; a row of units may follow them. The file is
-    UTF-8, UTF-16 or Latin-1.
+    heading names (else seconds), dates or times of day; a column of these needs no heading that
+    says so. Lines that begin with #, % or // are left out, and so is what stands above the
+    headings; a row of units may follow them. The file is UTF-8, UTF-16 or Latin-1.
 
     Parameters
     ----------
@@ -95,8 +97,17 @@ def read_data(
     sheet = read_sheet(path)
     heads = sheet.heads or [""] * len(sheet.rows[0])
     table = f"line {sheet.head_line} of {short(path.name)}" if sheet.heads else short(path.name)
-    choice = chosen(heads, asked, sampling_time is None, table)
-    _check_widths(sheet, len(heads))
+    widest = _check_widths(sheet, len(heads))
+    first = next(iter(sheet.rows), [])
+    dates = [k for k, cell in enumerate(first) if number_in(cell) is None and is_moment(cell)]
+    moments = [k for k in dates if ":" in first[k]] or dates  # a date beside the time of day
+    blank = [
+        k
+        for k in range(len(heads))
+        if sheet.rows and not any(row[k].strip() for row in sheet.rows if k < len(row))
+    ]
+    choice = chosen(heads, asked, sampling_time is None, table, moments, dates + blank)
+    sheet = replace(sheet, rows=[[*row, *[""] * (widest - len(row))] for row in sheet.rows])
     u, y = (_numbers(sheet, what, choice.order[what]) for what in ("u", "y"))
     if choice.remarks and _swapped(u, y):
         raise ValueError(
@@ -163,15 +174,25 @@ def _swapped(u: FloatArray, y: FloatArray) -> bool:
     return bool(moves_of_u > SWAPPED * max(moves_of_y, 1) or few)
 
 
-def _check_widths(sheet: Sheet, width: int) -> None:
+def _check_widths(sheet: Sheet, width: int) -> int:
+    """Refuse rows that are too short or too long; give the width that all of them may have.
+
+    What stands behind the others in a few rows, if at all, as a comment does, may lack, unless
+    the heading may have been parted at a comma or a blank of its own.
+    """
+    usual = mode(map(len, sheet.rows)) if sheet.rows else width
+    least = usual if usual == width - 1 and sheet.separator not in ", " else width
     for number, row in zip(sheet.lines, sheet.rows, strict=True):
-        if len(row) == width or (len(row) > width and not any(c.strip() for c in row[width:])):
+        if least <= len(row) <= width:
+            continue
+        if len(row) > width and not any(cell.strip() for cell in row[width:]):
             continue
         decimal = " (a comma in a number? separate the columns by semicolons)"
         raise ValueError(
             f"line {number} has {len(row)} cells where the first has {width}"
             + decimal * (sheet.separator == "," and len(row) > width)
         )
+    return width
 
 
 def _numbers(sheet: Sheet, what: str, column: int) -> FloatArray:
@@ -183,11 +204,18 @@ def _numbers(sheet: Sheet, what: str, column: int) -> FloatArray:
         value = number_in(cell)
         if value is None or not isfinite(value):
             said = f"is {short(cell)!r}, which is no finite number" if cell else "is empty"
+            if k == 0 and re.fullmatch(r"[^\W\d_]+", cell):
+                raise ValueError(
+                    f"line {sheet.lines[k]}: {what} {said}: write numbers in place of words, such "
+                    "as 1 for on and 0 for off, or name another column"
+                )
             more = (
                 "; write thousands without a separator"
                 if value is None and re.fullmatch(r"[+-]?\d{1,3}([ .,']\d{3})+([.,]\d*)?", cell)
                 else ", or fill a short gap yourself"
             )
+            if what == "t" and not cell:
+                more += f"; or, if the samples are even, {SAMPLING}"
             raise ValueError(
                 f"line {sheet.lines[k]}: {what} {said}; cut the record there, take the line out (a "
                 f"few missing lines are filled in){more}"

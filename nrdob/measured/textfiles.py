@@ -24,6 +24,8 @@ SEPARATORS = ("\t", ";", "|", " ", ",")
 space."""
 
 COMMENT = re.compile(r"\s*(#|%|//)\s*")
+MARKUP = re.compile(r"\s*(\{|\[\s*[\[{]|<)")
+MOST_BREAKS = 3  # lines over which a cell in quotes may go on
 UPPERS = 3  # lines of text above the numbers among which the headings are
 
 
@@ -50,6 +52,10 @@ def read_sheet(path: Path) -> Sheet:
     name = short(path.name)
     every = list(enumerate(re.split(r"\r\n|\r|\n", text), 1))
     kept = [(k, line) for k, line in every if line.strip() and not COMMENT.match(line)]
+    if MARKUP.match(text):
+        raise ValueError(
+            f"{name} is no table, but looks like JSON or XML: save it as CSV, a row for each sample"
+        )
     if not kept:
         raise ValueError(f"{name} is empty; it needs columns t, u and y")
     if len(kept) > MOST_ROWS:
@@ -58,8 +64,9 @@ def read_sheet(path: Path) -> Sheet:
             "that matters, or keep every tenth line"
         )
     if named := re.fullmatch(r'"?sep=(.)"?', kept[0][1].strip(), re.I):  # for spreadsheets
-        kept, separator = kept[1:], named[1]
+        kept, separator = _joined(kept[1:]), named[1]
     else:
+        kept = _joined(kept)
         separator = _separator([line for _, line in kept[:SEEN]])
     rows, lines = _parted(kept, separator)
     first, head, below = _layout(rows)
@@ -69,9 +76,11 @@ def read_sheet(path: Path) -> Sheet:
         head_line, heads = above
     while heads and not heads[-1]:
         heads.pop()
-    if head:
-        last = "line 1 is" if head_line == 2 else f"lines 1 to {head_line - 1} are"
-        notes = (*notes, f"{last} above the headings, and not read as part of the table")
+    if head or (head is None and not heads and first):
+        begins = lines[first] if head is None else head_line
+        last = "line 1 is" if begins == 2 else f"lines 1 to {begins - 1} are"
+        what = "headings" if head else "numbers"
+        notes = (*notes, f"{last} above the {what}, and not read as part of the table")
     empty = {k for k, line in every if not line.strip(f" \t{separator}")}
     inside = [k for k in range(lines[first] if first < len(lines) else 0, lines[-1]) if k in empty]
     # A file of which every second line is empty has lost nothing.
@@ -105,7 +114,8 @@ def _text(path: Path) -> tuple[str, tuple[str, ...]]:
     if wrong:
         line = before.count(b"\n") + 1
         raise ValueError(
-            f"{name} is no table of text, see line {line}: save it as CSV, not as a spreadsheet"
+            f"{name} is no table of text, see line {line}: save it as CSV, not as a spreadsheet; "
+            "or, if that line alone is damaged, take it out"
         )
     return text, notes
 
@@ -120,6 +130,21 @@ def _encoding(raw: bytes) -> str:
         if len(start) > 10 and not any(zeros) and all(others):
             return name
     return "utf-8-sig"
+
+
+def _joined(kept: Sequence[tuple[int, str]]) -> list[tuple[int, str]]:
+    """Put lines together over which a cell in quotes goes on, as spreadsheets write them."""
+    joined: list[tuple[int, str]] = []
+    lines = iter(kept)
+    for number, line in lines:
+        more = [line]
+        while sum(part.count('"') for part in more) % 2 and len(more) < MOST_BREAKS:
+            after = next(lines, None)
+            if after is None:
+                break
+            more.append(after[1])
+        joined.append((number, " ".join(more)))
+    return joined
 
 
 def _separator(sample: Sequence[str]) -> str:
@@ -147,8 +172,8 @@ def _parted(kept: Sequence[tuple[int, str]], separator: str) -> tuple[list[list[
     for number, line in kept:
         if line.count('"') % 2 and separator != " ":
             raise ValueError(
-                f"line {number} opens a quotation mark that it does not close: cells over several "
-                "lines cannot be read, write each row in one line"
+                f"line {number} opens a quotation mark that it does not close, nor do the "
+                f"{MOST_BREAKS - 1} lines below: close it, or take it out"
             )
         try:
             cells = _cells(line, separator)
@@ -168,19 +193,31 @@ def _parted(kept: Sequence[tuple[int, str]], separator: str) -> tuple[list[list[
 def _layout(rows: Sequence[Sequence[str]]) -> tuple[int, int | None, int | None]:
     """Find the first row of numbers, the headings and the row of units."""
     values = [sum(_is_value(cell) for cell in row) for row in rows[:SEEN]]
-    first = next((k for k, count in enumerate(values) if count >= 2), None)
+    # Beside a name stand numbers that describe the table, where its rows begin with a number.
+    numbered = _is_value(rows[:SEEN][-1][0])
+    first = next(
+        (
+            k
+            for k, count in enumerate(values)
+            if count >= 2 and (_is_value(rows[k][0]) or not numbered)
+        ),
+        None,
+    )
     if first is None:  # no numbers at all, or one column of them: the headings are line 1
         return (1, 0, None) if values[0] == 0 else (0, None, None)
     width = max(len(row) for row in rows[first : first + 20])
     above: list[int] = []
     for k in range(first - 1, max(first - 1 - UPPERS, -1), -1):
         text = [cell for cell in rows[k] if cell.strip()]
-        if values[k] or len(text) < 2 or not len(text) <= len(rows[k]) <= width:
+        # The last one may have nothing below it: comments, where there are none.
+        if values[k] or len(text) < 2 or len(rows[k]) > width + 1:
             break
         above.append(k)
     if not above:
         # What stands there is no heading; it is a row like others, or nothing.
-        return (0, None, None) if values[0] or first == 0 else (1, 0, None)
+        if all(len(row) < 2 for row in rows[:first]):
+            return first, None, None
+        return (0, None, None) if values[0] else (1, 0, None)
     head = max(reversed(above), key=lambda k: known(rows[k]))
     return first, head, head + 1 if head + 1 < first else None
 

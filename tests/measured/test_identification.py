@@ -375,3 +375,20 @@ def test_an_input_too_poor_for_so_many_numbers_leaves_independence_open():
     found = check_residuals(rest, np.sin(0.3 * np.arange(400)), 2)
     assert found.independent is None and np.isnan(found.independence)
     assert "too poor" in found.reason
+
+
+def test_an_integrator_whose_record_begins_with_the_step_needs_to_be_known_at_rest():
+    # A ramp that it had before looks like its answer; what is left would tell a wrong sign.
+    u, v, y = np.where(np.arange(250) >= 3, 64.0, 0.0), 0.0, np.zeros(250)
+    for k in range(249):
+        y[k + 1] = y[k] + 0.01 * v * (1 + 0.1 * np.sin(y[k] / 30))
+        v += (1 - np.exp(-0.2)) * (4 * u[k] - v)
+    t = 0.01 * np.arange(250)
+    found = identified(checked_record(t, u, np.round(y)))
+    assert found.parameters["gain"].low <= 0 <= found.parameters["gain"].high
+    assert found.unsure.startswith("u moves only as the record begins")
+    assert "input_before=0" in " ".join(found.remarks)
+    noise = 0.5 * np.random.default_rng(1).standard_normal(250)
+    found = identified(checked_record(t[2:], u[2:], np.round(y + noise)[2:], input_before=0))
+    assert found.parameters["gain"].low < 4 < found.parameters["gain"].high
+    assert not found.unsure

@@ -172,7 +172,9 @@ REFUSED = {
     "two tables without headings": ("\n".join([*GOOD, "", *GOOD]), "from 59 to 0 at line 62"),
     "a row of units at the end": ("\n".join(["t,u,y", *GOOD, "s,V,K"]), "line 62: u is 'V'"),
     "a sum at the end": ("\n".join(["t,u,y", *GOOD, "Sum,30,120"]), "line 62: t is 'Sum'"),
-    "a cell over two lines": (spoilt(9, '7,"1\n",2'), "line 9 opens a quotation mark"),
+    "a quotation mark left open": (
+        spoilt(9, '7,"1,2'), "line 9 opens a quotation mark that it does not close, nor do the 2"
+    ),
     "thousands": (spoilt(9, '7,"1,234.5",2'), "line 9: u is '1,234.5'.* thousands without"),
     "points and commas": (
         replaced(lambda k: f"{k};{k // 7 % 2}{'.,'[k == 30]}5;{k % 5}", "t;u;y"),
@@ -458,3 +460,85 @@ def test_a_clock_is_not_taken_for_the_input(tmp_path):
     with pytest.raises(ValueError, match=r"column 1 of two\.csv grows in every line, as times do"):
         read_data(path, sampling_time=0.1)
     assert read_data(path, sampling_time=0.1, columns={"u": 1, "y": 2}).u[-1] == t[-1]
+
+
+RECORD = [(0.1 * k, k % 9 // 5, k % 7 / 4) for k in range(40)]
+
+
+def _read(tmp_path, head, row, **options):
+    path = tmp_path / "data.csv"
+    path.write_text(head + "".join(row(k, *each) + "\n" for k, each in enumerate(RECORD)))
+    record = read_data(path, **options)
+    assert record.u.tolist() == [u for _, u, _ in RECORD]
+    assert record.y == pytest.approx([y for *_, y in RECORD])
+    return record
+
+
+def test_a_comma_and_a_blank_between_cells_beside_dates(tmp_path):
+    _read(
+        tmp_path, "",
+        lambda k, t, u, y: f"heater, {u}, {y}, 2024-01-31 12:00:{k:02d}.5",
+        columns={"t": 4, "u": 2, "y": 3},
+    )  # fmt: skip
+
+
+def test_a_cell_in_quotes_may_go_on_in_the_next_line(tmp_path):
+    _read(tmp_path, 't,u,"y\n(°C)"\n', lambda k, t, u, y: f'{t},{u},"{y}\n"')
+
+
+def test_what_describes_a_table_above_it_is_no_row_of_it(tmp_path):
+    scope = _read(
+        tmp_path, "x-axis,1,2\nsecond,Volt,Volt\n", lambda k, t, u, y: f"{t},{u},{y}"
+    )  # fmt: skip
+    # The headings are alike, so the option in the remark has their numbers.
+    assert "--columns t=second,u=2,y=3;" in scope.remarks[0]
+    logger = _read(
+        tmp_path,
+        "Logger\nChannels\t2\nSamples\t40\t40\nX0\t0,0\t0,0\n***\t\nX_Value\tu\ty\tComment\n",
+        lambda k, t, u, y: f"{t}\t{u}\t{y}".replace(".", ",") + "\tstart" * (k == 3),
+        columns={"t": "X_Value"},
+    )
+    assert any("above the headings" in note for note in logger.notes)
+
+
+def test_a_heading_with_a_comma_is_not_taken_for_one_without_cells(tmp_path):
+    with pytest.raises(ValueError, match="line 2 has 4 cells where the first has 5"):
+        _read(tmp_path, "t,y (°C, top),u,v\n", lambda k, t, u, y: f"{t},{y},{u},0")
+
+
+def test_words_above_numbers_without_headings(tmp_path):
+    record = _read(tmp_path, "Ready.\n", lambda k, t, u, y: f"{t} {u} {y}")
+    assert any(note.startswith("line 1 is above the numbers") for note in record.notes)
+
+
+def test_times_are_the_column_of_dates_and_empty_columns_are_nothing(tmp_path):
+    record = _read(
+        tmp_path,
+        "created_at,entry_id,field1,field2,latitude\n",
+        lambda k, t, u, y: f"2024-01-31 12:00:{k:02d} UTC,{k + 7},{u},{y},",
+    )
+    assert record.t.tolist() == list(range(40))
+    assert record.remarks[0].startswith("the headings do not say which columns hold u and y: ")
+    record = _read(
+        tmp_path,
+        "Datum;Uhrzeit;Heizung;Ofen\n",
+        lambda k, t, u, y: f"31.01.2024;12:00:{k:02d};{u};{y}",
+    )
+    assert record.t.tolist() == list(range(40))
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ('{"12:00:00": {"u": 1, "y": 2}}', "no table, but looks like JSON or XML: save it as CSV"),
+        ("t,u,y\n0,1,2\n1,\x004,3\n", "see line 3.*if that line alone is damaged, take it out"),
+        ("t,u,y\n0,off,2\n1,on,3\n", "line 2: u is 'off'.*write numbers in place of words"),
+        ("yVal,uVal,v,Ts\n" + "1,2,3,4\n" + "1,2,3,\n" * 30, "choose.*u=uVal,y=yVal;"),
+        ("u,y,Ts\n" + "1,2,4\n" + "1,2,\n" * 30, "t is empty.*give the sampling time"),
+    ],
+)
+def test_what_to_do_with_a_file_that_cannot_be_read_as_it_is(tmp_path, text, said):
+    path = tmp_path / "data.csv"
+    path.write_text(text)
+    with pytest.raises(ValueError, match=f"(?s){said}"):
+        read_data(path)
