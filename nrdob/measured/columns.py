@@ -37,20 +37,9 @@ LIKELY = {
 
 # Headings of columns that number the rows: never taken for times.
 COUNTERS = (
-    "sample",
-    "samples",
-    "index",
-    "n",
-    "k",
-    "i",
-    "no",
-    "nr",
-    "step",
-    "count",
-    "row",
-    "id",
+    "sample", "samples", "index", "n", "k", "i", "no", "nr", "step", "count", "row", "id",
     "entry_id",
-)
+)  # fmt: skip
 SAMPLING = "give the sampling time (--sampling-time 0.1; in Python sampling_time=0.1)"
 EXAMPLES = {"t": "Time", "u": "Q1", "y": "T1"}
 
