@@ -147,6 +147,7 @@ def identify(
     *,
     structure: str | None = None,
     held_out: float = 0.5,
+    input_before: float | None = None,
 ) -> Identification:
     r"""Fit a process with dead time to a step or any other test signal.
 
@@ -174,6 +175,8 @@ def identify(
     held_out : float
         Share of the record, at its end, on which the process is tried before all of it is fitted;
         0 for none. None is held out, too, where the input does not move enough in both parts.
+    input_before : float, optional
+        Input before the record, under which the plant was at rest.
 
     Returns
     -------
@@ -200,7 +203,7 @@ def identify(
     >>> [round(p.value, 4) for p in found.parameters.values()]
     [1.5, 2.0, 0.3]
     """
-    record = checked_record(t, u, y)
+    record = checked_record(t, u, y, input_before=input_before)
     if not is_real(held_out):
         raise TypeError(f"held_out is {held_out!r}; give a number, such as 0.5")
     if not 0 <= held_out < 0.9:

@@ -189,7 +189,7 @@ def _check_widths(sheet: Sheet, width: int) -> int:
             continue
         decimal = " (a comma in a number? separate the columns by semicolons)"
         raise ValueError(
-            f"line {number} has {len(row)} cells where the first has {width}"
+            f"line {number} has {len(row)} cell{'s' * (len(row) != 1)} where the first has {width}"
             + decimal * (sheet.separator == "," and len(row) > width)
         )
     return width

@@ -389,6 +389,6 @@ def test_an_integrator_whose_record_begins_with_the_step_needs_to_be_known_at_re
     assert found.unsure.startswith("u moves only as the record begins")
     assert "input_before=0" in " ".join(found.remarks)
     noise = 0.5 * np.random.default_rng(1).standard_normal(250)
-    found = identified(checked_record(t[2:], u[2:], np.round(y + noise)[2:], input_before=0))
+    found = nrdob.identify(t[2:], u[2:], np.round(y + noise)[2:], input_before=0)
     assert found.parameters["gain"].low < 4 < found.parameters["gain"].high
     assert not found.unsure
