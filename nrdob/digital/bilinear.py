@@ -256,9 +256,9 @@ def _check_sound(held: Fraction, model: Fraction, dt: float) -> None:
 
 
 class _Given(NamedTuple):
-    """A block direct + h(s)/a(s) and the time, exactly, in a unit of time of its own.
+    """A block direct + h1/s + h2/s² + … and the time, exactly, in a unit of time of its own.
 
-    `a` holds the ascending coefficients without the leading 1, `h` those of 1/s, 1/s², …
+    `a` holds the ascending coefficients of its denominator, without the leading 1; `h` h1, h2, …
     """
 
     a: list[Exact]

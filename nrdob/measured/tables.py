@@ -97,7 +97,7 @@ def read_data(
     sheet = read_sheet(path)
     heads = sheet.heads or [""] * len(sheet.rows[0])
     table = f"line {sheet.head_line} of {short(path.name)}" if sheet.heads else short(path.name)
-    widest = _check_widths(sheet, len(heads))
+    _check_widths(sheet, len(heads))
     first = next(iter(sheet.rows), [])
     dates = [k for k, cell in enumerate(first) if number_in(cell) is None and is_moment(cell)]
     moments = [k for k in dates if ":" in first[k]] or dates  # a date beside the time of day
@@ -107,7 +107,8 @@ def read_data(
         if sheet.rows and not any(row[k].strip() for row in sheet.rows if k < len(row))
     ]
     choice = chosen(heads, asked, sampling_time is None, table, moments, dates + blank)
-    sheet = replace(sheet, rows=[[*row, *[""] * (widest - len(row))] for row in sheet.rows])
+    filled = [row + [""] * (len(heads) - len(row)) for row in sheet.rows]
+    sheet = replace(sheet, rows=filled)
     u, y = (_numbers(sheet, what, choice.order[what]) for what in ("u", "y"))
     if choice.remarks and _swapped(u, y):
         raise ValueError(
@@ -174,8 +175,8 @@ def _swapped(u: FloatArray, y: FloatArray) -> bool:
     return bool(moves_of_u > SWAPPED * max(moves_of_y, 1) or few)
 
 
-def _check_widths(sheet: Sheet, width: int) -> int:
-    """Refuse rows that are too short or too long; give the width that all of them may have.
+def _check_widths(sheet: Sheet, width: int) -> None:
+    """Refuse rows that are too short or too long.
 
     What stands behind the others in a few rows, if at all, as a comment does, may lack, unless
     the heading may have been parted at a comma or a blank of its own.
@@ -192,7 +193,6 @@ def _check_widths(sheet: Sheet, width: int) -> int:
             f"line {number} has {len(row)} cell{'s' * (len(row) != 1)} where the first has {width}"
             + decimal * (sheet.separator == "," and len(row) > width)
         )
-    return width
 
 
 def _numbers(sheet: Sheet, what: str, column: int) -> FloatArray:

@@ -12,9 +12,9 @@ from nrdob.numerics import halley
 def test_halleys_steps_stay_in_the_bracket(start):
     # At 0 the slope of x² - c is zero; from there, and from 0.1, a step would leave.
     c = np.array([1e-4, 0.25, 2.0, 49.0])
-    within = np.full(4, 1e-13)
+    within = np.full(4, 1e-14)
     found = halley(lambda x: x**2 - c, np.zeros(4), np.full(4, 10.0), np.full(4, start), within)
-    assert found == pytest.approx(np.sqrt(c), rel=1e-11)
+    assert found == pytest.approx(np.sqrt(c), rel=1e-12)
 
 
 def test_steps_that_do_not_shrink_are_halved():
