@@ -107,7 +107,7 @@ def read_data(
         if sheet.rows and not any(row[k].strip() for row in sheet.rows if k < len(row))
     ]
     choice = chosen(heads, asked, sampling_time is None, table, moments, dates + blank)
-    filled = [row + [""] * (len(heads) - len(row)) for row in sheet.rows]
+    filled = [[*row, *[""] * (len(heads) - len(row))] for row in sheet.rows]
     sheet = replace(sheet, rows=filled)
     u, y = (_numbers(sheet, what, choice.order[what]) for what in ("u", "y"))
     if choice.remarks and _swapped(u, y):
