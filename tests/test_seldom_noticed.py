@@ -19,7 +19,7 @@ from nrdob.measured import heated_air
 from nrdob.reporting.datasections import data_sections
 from nrdob.reporting.formulas import character, formula
 from nrdob.reporting.loopsections import sections_of
-from nrdob.reporting.trials import Trial, in_words
+from nrdob.reporting.trials import Outcome, Trial, in_words
 
 s = ct.tf("s")
 
@@ -138,12 +138,23 @@ def test_intervals_that_do_not_meet_have_nothing_in_common() -> None:
 
 
 def test_trials_are_told_in_a_sentence() -> None:
-    good = Trial("the process found", False, True, 1.4)
-    bad = Trial("a corner", True, False, inf)
-    said = in_words((good, Trial("a rival", False, True, 1.6)))
-    assert said.endswith("1 rival of it and 0 corners of the intervals, it is stable on all, "
-                         "with a peak of 1.6 at most.")  # fmt: skip
-    assert "does not tell enough" in in_words((good, bad))
+    fine, peaked, lost = Outcome(True, 1.4), Outcome(True, 2.6), Outcome(False)
+    good = Trial("the process found", False, 0.1, fine, fine)
+    rival = Trial("a rival", False, 0.1, fine, Outcome(True, 1.6))
+    told = in_words((good, rival))
+    assert told.endswith("1 rival of it and 0 corners of the intervals, in continuous time and "
+                         "sampled like the record, at dt = 0.1 s, it is stable on all, with a peak "
+                         "of 1.6 at most.")  # fmt: skip
+    corners = tuple(Trial("a corner", True, 0.1, each, lost) for each in (peaked, lost, fine))
+    told = in_words((good, *corners))
+    assert "does not tell enough" in told and "on 1, and on 1 more" in told
+    sampled = in_words((good, corners[2]), slower=False)
+    assert sampled.startswith("Sampled like the record, at dt = 0.1 s, the loop fails. Tried on")
+    assert (
+        "unstable on 1, and on 0 more" in sampled and "slower" in told and "slower" not in sampled
+    )
+    assert (corners[2].stable, good.stable) == (False, True)
+    assert Trial("a corner", True, 0.1, fine, Outcome()).stable is None
 
 
 def test_the_share_of_a_record_that_is_held_out_has_a_top() -> None:

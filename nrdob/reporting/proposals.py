@@ -40,7 +40,8 @@ REASONS = {
 }  # fmt: skip
 """Why a model differs from the process, by how it does."""
 
-# Times the λ for the process found, tried where the loop fails on a process that it may be.
+# Times the λ for the process found, or the sampling time if that is longer: tried where the loop
+# fails on a process that it may be.
 SLOWER = (1.5, 2.0, 3.0, 5.0, 8.0, 12.0, 20.0)
 
 
@@ -82,7 +83,8 @@ def propose(
     ----------
     process : as for `nrdob.NRDOB`, or Identification
         The process G. If it was identified, the loop is tried on every structure that explains the
-        record about as well and at the ends of all intervals, and λ is increased until none fails.
+        record about as well and at the ends of all intervals, in continuous time and sampled like
+        the record, and λ is increased until none fails.
     model, controller : as for `nrdob.NRDOB`, optional
         G̃ and C.
     time_constant, order : float, int, optional
@@ -117,25 +119,41 @@ def propose(
     else:
         family = order or _lowest(model)
         base = _Base(process, model, "Model: as given.", family, controller, max_ms)
-    first = replace(_completed(base, time_constant), candidates=candidates)
-    if first.loop is None:
-        return first
-    trying = trials_on(first.loop, found)
-    seen = _until_one_fails(trying)
-    fault = _fault(first.loop, seen)
+    first = _completed(base, time_constant)
+    loop = first.loop
+    if loop is not None:
+        first = replace(first, trials=tuple(trials_on(loop, found)))
+        if time_constant is None:
+            first = _improved(base, first, loop, others, found)
+    if not first.trials:
+        return replace(first, candidates=candidates)
+    said = in_words(first.trials, slower=time_constant is None)
+    if all(each.holds for each in first.trials):
+        return replace(first, words=(*first.words, said), candidates=candidates)
+    return replace(first, warnings=(said, *first.warnings), candidates=candidates)
+
+
+def _improved(
+    base: _Base, first: Proposal, loop: NRDOB, others: list[_Base], found: Identification | None
+) -> Proposal:
+    """Choose another where the first has a fault: one that has none, or else only when sampled."""
+    fault = _fault(loop, first.trials)
     if not fault:
-        return replace(first, words=(*first.words, *_told(seen)), trials=seen)
-    for change, other in () if time_constant else _others(base, first, first.loop.filter, others):
-        if other.loop is None:
-            continue
-        trials = _until_one_fails(trials_on(other.loop, found))
-        if not _fault(other.loop, trials):
-            said = f"{fault}, so {change}, with a controller to match."
-            words = (*other.words, " ".join([said, *_told(trials)]))
-            return replace(other, words=words, candidates=candidates, trials=trials)
-    trials = (*seen, *trying)
-    said_of = _told(trials) if any(not each.holds for each in trials) else ()
-    return replace(first, warnings=(*said_of, *first.warnings), trials=trials)
+        return first
+    # Sampled, nothing faster than the samples is of use; if no λ does, continuous time must do.
+    rounds = [first.trials[0].dt if first.trials else 0.0]
+    if any(not each.continuous.holds for each in first.trials):
+        rounds.append(0.0)
+    for dt in rounds:
+        for change, other in _others(base, first, loop, others, dt):
+            if other.loop is None:
+                continue
+            trying = trials_on(other.loop, found)
+            seen = _until_one_fails(trying, sampled=dt > 0)
+            if not _fault(other.loop, seen, sampled=dt > 0):
+                said = f"{fault}, so {change}, with a controller to match."
+                return replace(other, words=(*other.words, said), trials=(*seen, *trying))
+    return first
 
 
 @dataclass(frozen=True)
@@ -186,19 +204,27 @@ def _completed(base: _Base, time_constant: float | None, calm: bool = False) -> 
     return Proposal(loop, tuple(words), warnings=tuple(warnings))
 
 
-def _until_one_fails(trying: Iterator[Trial]) -> tuple[Trial, ...]:
+def _until_one_fails(trying: Iterator[Trial], sampled: bool = True) -> tuple[Trial, ...]:
     seen = []
     for each in trying:
         seen.append(each)
-        if not each.holds:
+        if not _holds(each, sampled):
             break
     return tuple(seen)
 
 
-def _fault(loop: NRDOB, trials: tuple[Trial, ...]) -> str:
+def _holds(trial: Trial, sampled: bool) -> bool:
+    return trial.holds if sampled else trial.continuous.holds
+
+
+def _fault(loop: NRDOB, trials: tuple[Trial, ...], sampled: bool = True) -> str:
     """Say why a loop should not be used as it is; nothing where it may."""
-    if any(not each.holds for each in trials):
-        return "With this filter the loop fails on a process that the record does not exclude"
+    failed = [each for each in trials if not _holds(each, sampled)]
+    if failed:
+        like = ", sampled like the record," * all(each.continuous.holds for each in failed)
+        return (
+            f"With this filter the loop{like} fails on a process that the record does not exclude"
+        )
     if loop.stability().stable and any(e <= CERTAIN for e, _ in resonance_warnings(loop)):
         return (
             f"With a model that resonates like the process an error of {100 * CERTAIN:g} % in the "
@@ -207,25 +233,23 @@ def _fault(loop: NRDOB, trials: tuple[Trial, ...]) -> str:
     return ""
 
 
-def _told(trials: tuple[Trial, ...]) -> tuple[str, ...]:
-    return (in_words(trials),) if trials else ()
-
-
 def _others(
-    base: _Base, first: Proposal, filter: Any, others: list[_Base]
+    base: _Base, first: Proposal, loop: NRDOB, others: list[_Base], shortest: float
 ) -> Iterator[tuple[str, Proposal]]:
-    """Give loops with other models, then slower ones with the same."""
+    """Give loops with other models, then slower ones with the same, λ above a shortest time."""
     for other in others:
         yield "the model does not resonate", _completed(other, None, calm=True)
-    den = filter_fraction(filter).den  # (λs + 1)^n
+    den = filter_fraction(loop.filter).den  # (λs + 1)^n
     fastest = float(abs(den[0]) ** (1 / (len(den) - 1)))
     for factor in SLOWER:
-        slower = _completed(base, factor * fastest, calm=True)
+        time_constant = factor * max(fastest, shortest)
+        slower = _completed(base, time_constant, calm=True)
         words = tuple(
             late if late.startswith("Controller") else early
             for early, late in zip(first.words, slower.words, strict=False)
         )
-        yield f"λ is {factor:g} times as long", replace(slower, words=words)
+        change = f"λ is {number(time_constant)} s instead of {number(fastest)} s"
+        yield change, replace(slower, words=words)
 
 
 def _without_resonances(process: Any) -> ct.TransferFunction | None:

@@ -5,8 +5,10 @@ from __future__ import annotations
 from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import dataclass
-from math import inf, isfinite
+from math import inf
 
+from ..analysis import Margins
+from ..digital import SampledLoop
 from ..loop import NRDOB
 from ..measured import Identification
 from ..numerics import number
@@ -19,22 +21,54 @@ SHOWN = 4  # corners in the table, worst first
 
 
 @dataclass(frozen=True)
-class Trial:
-    """The proposed loop on a process that the record does not exclude.
+class Outcome:
+    """What a loop does: stable is None if that could not be decided.
 
-    The process is a structure or a corner, numbers at the ends of their intervals; stable is None
-    if that could not be decided, and the sensitivity peak infinite where the loop is not stable.
+    The sensitivity peak is infinite where the loop is not stable.
     """
 
-    process: str
-    corner: bool
-    stable: bool | None
-    ms: float
+    stable: bool | None = None
+    ms: float = inf
 
     @property
     def holds(self) -> bool:
         """Whether it is stable with a peak that can be tolerated."""
         return self.ms <= TOLERATED
+
+    def __str__(self) -> str:
+        words = {True: number(self.ms), False: "UNSTABLE", None: "not decided"}
+        return words[self.stable]
+
+
+@dataclass(frozen=True)
+class Trial:
+    """The proposed loop on a process that the record does not exclude.
+
+    The process is a structure or a corner, numbers at the ends of their intervals; the loop is
+    tried in continuous time and sampled like the record, at dt, in seconds.
+    """
+
+    process: str
+    corner: bool
+    dt: float
+    continuous: Outcome
+    sampled: Outcome
+
+    @property
+    def stable(self) -> bool | None:
+        """Whether it is stable in both; None if that could not be decided."""
+        both = self.continuous.stable, self.sampled.stable
+        return False if False in both else None if None in both else True
+
+    @property
+    def ms(self) -> float:
+        """The larger of both sensitivity peaks."""
+        return max(self.continuous.ms, self.sampled.ms)
+
+    @property
+    def holds(self) -> bool:
+        """Whether it holds in both."""
+        return self.continuous.holds and self.sampled.holds
 
 
 def trials_on(loop: NRDOB, found: Identification | None) -> Iterator[Trial]:
@@ -45,32 +79,54 @@ def trials_on(loop: NRDOB, found: Identification | None) -> Iterator[Trial]:
     plants |= {each.structure: each.process for each in found.candidates if each.rival}
     if found.plain is not None:
         plants["one lag with dead time, plain least squares"] = found.plain
+    dt = found.record.sampling_time
     for corner, group in ((False, plants), (True, found.corners)):
         for name, plant in group.items():
-            stable, ms = None, inf
+            tried = NRDOB(plant, loop.model, loop.controller, loop.filter)
+            continuous, sampled = Outcome(), Outcome()
             with suppress(ArithmeticError, ValueError):
-                tried = NRDOB(plant, loop.model, loop.controller, loop.filter)
-                stable = tried.stability().stable
-                ms = tried.margins().plant_loop.ms if stable else inf
-            yield Trial(name, corner, stable, ms)
+                continuous = _outcome(tried)
+            with suppress(ArithmeticError, NotImplementedError, ValueError):
+                sampled = _outcome(tried.sampled(dt))
+            yield Trial(name, corner, dt, continuous, sampled)
 
 
-def in_words(trials: tuple[Trial, ...]) -> str:
-    """Say what became of all trials of a loop."""
+def _outcome(loop: NRDOB | SampledLoop) -> Outcome:
+    stable = loop.stability().stable
+    if not stable:
+        return Outcome(stable)
+    margins = loop.margins()
+    return Outcome(True, margins.ms if isinstance(margins, Margins) else margins.plant_loop.ms)
+
+
+def in_words(trials: tuple[Trial, ...], slower: bool = True) -> str:
+    """Say what became of all trials of a loop; slower tells whether slower filters were tried."""
     corners = sum(each.corner for each in trials)
     rivals = len(trials) - corners - 1
     some = f"{rivals} rival{'s' * (rivals > 1)}" if rivals else "no rival"
     among = f"the process found, {some} of it and {corners} corners of the intervals"
-    failed = [each for each in trials if not each.holds]
+    like = f"sampled like the record, at dt = {number(trials[0].dt, 4)} s"
+    failed = [each.continuous for each in trials if not each.continuous.holds]
+    if failed:
+        start = "The record does not tell enough to rely on this loop. Tried on"
+        change = (
+            "Measure again, longer or with larger steps, so that the intervals become narrower."
+        )
+    else:
+        failed = [each.sampled for each in trials if not each.sampled.holds]
+        start = f"{like.capitalize()}, the loop fails. Tried on"
+        change = "Let the controller sample faster."
     if not failed:
         worst = number(max(each.ms for each in trials))
-        return f"Tried on {among}, it is stable on all, with a peak of {worst} at most."
+        return (
+            f"Tried on {among}, in continuous time and {like}, it is stable on all, with a peak of "
+            f"{worst} at most."
+        )
     unstable = sum(not each.stable for each in failed)
+    in_vain = "; none of the slower filters tried helps" * slower
     return (
-        f"The record does not tell enough to rely on this loop. Tried on {among}, it is unstable "
-        f"on {unstable}, and on {len(failed) - unstable} more the sensitivity peaks above "
-        f"{TOLERATED:g}; a slower filter does not help. Measure again, longer or with larger "
-        "steps, so that the intervals become narrower."
+        f"{start} {among}, it is unstable on {unstable}, and on {len(failed) - unstable} more the "
+        f"sensitivity peaks above {TOLERATED:g}{in_vain}. {change}"
     )
 
 
@@ -78,13 +134,9 @@ def trial_table(trials: tuple[Trial, ...]) -> Table:
     """Show the trials of a loop: all structures, and the worst corners."""
     corners = sorted((each for each in trials if each.corner), key=lambda each: -each.ms)
     shown = [*(each for each in trials if not each.corner), *corners[:SHOWN]]
-    answer = {True: "yes", False: "NO", None: "not decided"}
-    rows = tuple(
-        (each.process, answer[each.stable], number(each.ms) if isfinite(each.ms) else "–")
-        for each in shown
-    )
+    rows = tuple((each.process, str(each.continuous), str(each.sampled)) for each in shown)
     caption = (
         "The loop on what the process may be: structures that explain the record about as well, "
         f"and the worst {len(corners[:SHOWN])} of {len(corners)} corners of the intervals"
     )
-    return Table(caption, ("process", "stable", "peak Ms"), rows)
+    return Table(caption, ("process", "peak Ms", "peak Ms, sampled"), rows)

@@ -514,7 +514,7 @@ def test_a_filter_is_made_slower_until_no_corner_fails():
     ]
     assert any(not each.stable or each.plant_loop.ms > 2.5 for each in first)
     assert proposal.loop.filter.time_constant > alone.loop.filter.time_constant
-    assert all(each.holds for each in proposal.trials) and "times as long" in proposal.words[-1]
+    assert all(each.holds for each in proposal.trials) and "so λ is" in proposal.words[-2]
     given = propose(found, time_constant=alone.loop.filter.time_constant)
     assert given.loop.filter.time_constant == alone.loop.filter.time_constant
     assert "does not tell enough" in given.warnings[0] or all(e.holds for e in given.trials)

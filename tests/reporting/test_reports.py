@@ -198,8 +198,10 @@ MATCHED = {"model": 2 / (s + 1), "controller": 0.3 / s, "order": 1}
 def test_an_instability_of_the_sampled_loop_is_the_headline():
     found = nrdob.report(slow_record(), **MATCHED, time_constant=0.01)
     assert found.loop.stability().stable and not found.loop.sampled(0.1).stability().stable
-    assert found.verdict == "At dt = 0.1 s the sampled loop is NOT stable."
+    assert found.verdict.startswith("Sampled like the record, at dt = 0.1 s, the loop fails.")
+    assert "slower filters" not in found.verdict  # none was tried, since λ is given
     assert found.mood == "bad" and found.warnings[0] == found.verdict
+    assert "At dt = 0.1 s the sampled loop is NOT stable." in found.warnings
     assert words(found).index(found.verdict) < words(found).index("The loop is stable")
 
 
@@ -209,8 +211,13 @@ def test_a_peak_that_sampling_makes_is_in_the_headline():
     after = found.loop.sampled(0.1).margins().ms
     assert found.loop.margins().plant_loop.ms < 1.01 and after > 2.4
     assert found.mood == "open"
-    assert found.verdict.startswith("The loop is stable; its sensitivity peaks at 1. But: ")
-    assert f"the peak of the sensitivity is {after:.3g} instead of 1" in found.verdict
+    assert found.verdict.startswith("The loop is stable; its sensitivity peaks at 1. But: Sampled")
+    peaks = [each.sampled.ms for each in found.proposal.trials]
+    above = sum(each > 2.5 for each in peaks)
+    assert above and after == pytest.approx(peaks[0])
+    assert f"unstable on 0, and on {above} more the sensitivity peaks above 2.5" in found.verdict
+    said = f"the peak of the sensitivity is {after:.3g} instead of 1"
+    assert any(said in warning for warning in found.warnings)
 
 
 @pytest.mark.slow
@@ -240,6 +247,54 @@ def test_a_proposal_is_tried_once_on_each_process(monkeypatch):
     proposal = propose(found, **MATCHED, time_constant=0.2)
     tried = [loop for loop in judged if loop.filter is proposal.loop.filter]
     assert len(proposal.trials) > 4 and len(tried) == len(proposal.trials)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("samples", "delay"), [(20, 2), (5, 0), (20, 0)])
+def test_a_filter_is_slow_enough_for_the_samples_of_the_record(samples, delay):
+    dt = 1 / samples
+    rng = np.random.default_rng(1)
+    u = np.repeat(np.sign(rng.standard_normal(30)), 2 * samples)
+    y = np.zeros(u.size)
+    for k in range(delay + 1, u.size):
+        y[k] = np.exp(-dt) * (y[k - 1] - u[k - 1 - delay]) + u[k - 1 - delay]
+    y += 0.01 * rng.standard_normal(u.size)
+    found = identify(dt * np.arange(u.size), u, y)
+    alone, proposal = propose(found.process), propose(found)
+    assert not proposal.warnings and proposal.loop.filter.time_constant > max(
+        dt, alone.loop.filter.time_constant
+    )
+    for process in found.corners.values():
+        fast = nrdob.NRDOB(process, *blocks(alone.loop)).sampled(dt)
+        if not fast.stability().stable or fast.margins().ms > 2.5:
+            break
+    else:
+        pytest.fail("the filter for the process alone would do")
+    sampled = nrdob.NRDOB(process, *blocks(proposal.loop)).sampled(dt)
+    peaks = [each.sampled.ms for each in proposal.trials]
+    assert sampled.stability().stable and sampled.margins().ms in peaks and max(peaks) <= 2.5
+    assert f"λ is {proposal.loop.filter.time_constant:.3g} s instead of" in proposal.words[-2]
+    # On the process that made the record the loop settles, sample by sample.
+    true = nrdob.NRDOB(nrdob.delay(delay * dt) * (1 / (s + 1)), *blocks(proposal.loop)).sampled(dt)
+    y, _ = true.step_response("d", dt * np.arange(60 * samples)).outputs[:, 0]
+    assert abs(y[-1]) < 1e-3 * np.abs(y).max()
+
+
+@pytest.mark.slow
+def test_where_no_slower_filter_helps_the_samples_the_loop_stays_and_the_page_says_so():
+    # A pole at 10 rad/s grows by e within a sample.
+    process = 1 / (s - 10)
+    found = replace(slow_record(), process=process, candidates=(), plain=None, corners={})
+    alone, proposal = propose(process), propose(found)
+    assert proposal.loop.filter == alone.loop.filter
+    (trial,) = proposal.trials
+    assert trial.continuous.holds and trial.sampled.stable is False
+    assert "none of the slower filters tried helps. Let the controller" in proposal.warnings[0]
+    # With a corner that has a dead time, the filter becomes slower for continuous time alone.
+    late = propose(replace(found, corners={"dead time": nrdob.delay(0.012) * process}))
+    assert late.loop.filter.time_constant > alone.loop.filter.time_constant
+    assert all(each.continuous.holds and not each.sampled.holds for each in late.trials)
+    assert "does not exclude, so λ is" in late.words[-1] and "Sampled" in late.warnings[0]
 
 
 def blocks(loop):
@@ -430,7 +485,7 @@ def test_a_filter_that_cannot_be_found_is_named_by_its_order():
 def test_a_model_without_any_filter_is_passed_over_for_a_slower_one_that_is_calm():
     # The process without its resonance has the zero at 2, too: its inverse is unstable.
     proposal = propose((2 - s) / ((s + 1) * (s**2 + 0.02 * s + 1)))
-    assert "λ is 2 times as long" in proposal.words[-1]
+    assert "so λ is 0.988 s instead of 0.494 s" in proposal.words[-1]
     assert "designed for a crossover" in " ".join(proposal.words)
     loop = proposal.loop
     for factor in (0.98, 1.02):
