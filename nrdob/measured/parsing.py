@@ -10,7 +10,7 @@ import numpy as np
 
 from ..numerics import FloatArray
 
-__all__ = ["NUMBER", "UNITS", "is_moment", "number_in", "seconds_in", "short"]
+__all__ = ["NUMBER", "UNITS", "is_moment", "number_in", "parted", "seconds_in", "short"]
 
 LONGEST = 60  # characters of a cell or a heading that a message repeats
 
@@ -31,6 +31,10 @@ UNITS = {
 
 # A comma at its end separates columns.
 NUMBER = re.compile(r"[+-]?(\d+(\.|[.,]\d+)?|[.,]\d+)(e[+-]?\d+)?", re.I)
+
+MEASURED = re.compile(
+    rf"(?P<number>{NUMBER.pattern})\s*(?P<unit>([^\W\d_]|[°%])([^\W\d_]|[°%/²³]){{0,7}})?", re.I
+)
 
 MOMENT = re.compile(
     r"(?:(?P<days>\d+)\s+days?,?\s+(?=\d))?"
@@ -62,6 +66,16 @@ def number_in(cell: str) -> float | None:
         return float(text)
     except ValueError:
         return None
+
+
+def parted(cell: str) -> tuple[str, str]:
+    """Part a number from the unit behind it; a cell that is no number comes back whole.
+
+    >>> parted("21.5 °C"), parted("-2,5"), parted("off")
+    (('21.5', '°C'), ('-2,5', ''), ('off', ''))
+    """
+    found = MEASURED.fullmatch(cell)
+    return (found["number"], found["unit"] or "") if found else (cell, "")
 
 
 def is_moment(cell: str) -> bool:

@@ -18,7 +18,7 @@ import numpy as np
 
 from ..numerics import FloatArray, is_real
 from .columns import SAMPLING, Choice, checked_columns, chosen
-from .parsing import UNITS, is_moment, number_in, seconds_in, short
+from .parsing import UNITS, is_moment, number_in, parted, seconds_in, short
 from .records import Record, checked_record
 from .textfiles import Sheet, read_sheet
 
@@ -109,7 +109,7 @@ def read_data(
     choice = chosen(heads, asked, sampling_time is None, table, moments, dates + blank)
     filled = [[*row, *[""] * (len(heads) - len(row))] for row in sheet.rows]
     sheet = replace(sheet, rows=filled)
-    u, y = (_numbers(sheet, what, choice.order[what]) for what in ("u", "y"))
+    (u, unit_of_u), (y, unit_of_y) = (_numbers(sheet, w, choice.order[w]) for w in ("u", "y"))
     if choice.remarks and _swapped(u, y):
         raise ValueError(
             f"nothing in {short(path.name)} says which column is u and which is y, and in the "
@@ -125,6 +125,8 @@ def read_data(
             "of the output; name them, --columns u=2,y=3 (in Python columns={'u': 2, 'y': 3})"
         )
     notes, remarks = sheet.notes, choice.remarks
+    for what, unit in (("u", unit_of_u), ("y", unit_of_y)):
+        notes += (f"{what} is in {unit}, which stands in its cells",) * bool(unit)
     if sampling_time is None:
         times, said = _times(sheet, choice)
         notes += said
@@ -195,9 +197,18 @@ def _check_widths(sheet: Sheet, width: int) -> None:
         )
 
 
-def _numbers(sheet: Sheet, what: str, column: int) -> FloatArray:
-    """Read the numbers of a column, or name the first cell that is none."""
-    cells = [row[column].strip() for row in sheet.rows]
+def _numbers(sheet: Sheet, what: str, column: int) -> tuple[FloatArray, str]:
+    """Read the numbers of a column, and the unit behind each; or name the first that is none."""
+    parts = [parted(row[column].strip()) for row in sheet.rows]
+    cells = [number for number, _ in parts]
+    units = {parts[k][1]: k for k in reversed(range(len(cells))) if number_in(cells[k]) is not None}
+    if len(units) > 1:
+        first, other = sorted(units.values())[:2]
+        here, there = (short(sheet.rows[k][column].strip()) for k in (other, first))
+        raise ValueError(
+            f"line {sheet.lines[other]}: {what} is {here!r} where line {sheet.lines[first]} has "
+            f"{there!r}: write all in one unit, or without any"
+        )
     _check_decimals(sheet, what, cells)
     found = np.empty(len(cells))
     for k, cell in enumerate(cells):
@@ -221,7 +232,7 @@ def _numbers(sheet: Sheet, what: str, column: int) -> FloatArray:
                 f"few missing lines are filled in){more}"
             )
         found[k] = value
-    return found
+    return found, "".join(units)
 
 
 def _check_decimals(sheet: Sheet, what: str, cells: Sequence[str]) -> None:
@@ -253,9 +264,9 @@ def _times(sheet: Sheet, choice: Choice) -> tuple[FloatArray, tuple[str, ...]]:
     if cells and number_in(cells[0]) is None and is_moment(cells[0]):
         times, first = seconds_in(cells, lambda k: f"line {sheet.lines[k]}")
         return times, (f"t is in seconds since {first}, the time of the first row",)
-    times = _numbers(sheet, "t", column)
+    times, within = _numbers(sheet, "t", column)
     below = sheet.units[column].strip() if column < len(sheet.units) else ""
-    unit = choice.unit or below.strip(" []()").lower()
+    unit = choice.unit or below.strip(" []()").lower() or within
     if not unit:
         return _without_unit(times, sheet.heads[column] if sheet.heads else "")
     seconds = UNITS.get(unit.lower())

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from .columns import known
-from .parsing import NUMBER, is_moment, number_in, short
+from .parsing import NUMBER, is_moment, number_in, parted, short
 
 __all__ = ["Sheet", "read_sheet"]
 
@@ -24,6 +24,7 @@ SEPARATORS = ("\t", ";", "|", " ", ",")
 space."""
 
 COMMENT = re.compile(r"\s*(#|%|//)\s*")
+STAMP = re.compile(r"\s*(\d\d?:\d\d:\d\d(?:[.,]\d+)?)\s+->\s+")  # by the monitor of a serial port
 MARKUP = re.compile(r"\s*(\{|\[\s*[\[{]|<)")
 MOST_BREAKS = 3  # lines over which a cell in quotes may go on
 UPPERS = 3  # lines of text above the numbers among which the headings are
@@ -63,6 +64,8 @@ def read_sheet(path: Path) -> Sheet:
             f"{name} has {len(kept)} lines; at most {MOST_ROWS} are read: cut out the stretch "
             "that matters, or keep every tenth line"
         )
+    kept, cut = _unstamped(kept)
+    notes += cut
     if named := re.fullmatch(r'"?sep=(.)"?', kept[0][1].strip(), re.I):  # for spreadsheets
         kept, separator = _joined(kept[1:]), named[1]
     else:
@@ -130,6 +133,22 @@ def _encoding(raw: bytes) -> str:
         if len(start) > 10 and not any(zeros) and all(others):
             return name
     return "utf-8-sig"
+
+
+def _unstamped(kept: list[tuple[int, str]]) -> tuple[list[tuple[int, str]], tuple[str, ...]]:
+    """Make a column of the times that a monitor of a serial port writes before each line."""
+    stamps = [STAMP.match(line) for _, line in kept]
+    if len(kept) < 2 or not all(stamps[1:]):
+        return kept, ()
+    rest = [STAMP.sub("", line) for _, line in kept]
+    separator = _separator(rest[:SEEN])
+    found = [
+        (number, f"{'time' if line[:1].isalpha() else stamp[1]}{separator}{line}")
+        for (number, _), stamp, line in zip(kept, stamps, rest, strict=True)
+        if stamp
+    ]
+    cut = f"line {kept[0][0]}, which has no time, was taken for half a line and left out"
+    return found, (cut,) * (stamps[0] is None)
 
 
 def _joined(kept: Sequence[tuple[int, str]]) -> list[tuple[int, str]]:
@@ -239,4 +258,7 @@ def _commented(
 def _is_value(cell: str) -> bool:
     """Tell numbers and times from words; nan and inf are words of a heading, too."""
     number = number_in(cell)
-    return is_moment(cell) if number is None else bool(NUMBER.fullmatch(cell.strip()))
+    text = cell.strip()
+    if number is None:
+        return is_moment(cell) or bool(parted(text)[1])
+    return bool(NUMBER.fullmatch(text))

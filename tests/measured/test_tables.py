@@ -115,6 +115,23 @@ DRESSES = {
     ),
     "no times": (lines("u,y", lambda *e: plain(*e)[1:]), NO_TIMES),
     "trailing separators": (lines("t,u,y", lambda *e: (*plain(*e), "")), {}),
+    "units in the cells": (
+        lines("Time,u,y", lambda k, t, u, y: (f"{1e3 * t:.0f} ms", f"{u} %", f"{y} °C")), {},
+    ),
+    "units in the cells, after a date": (
+        lines("Zeit;u;y", lambda k, t, u, y: (
+            clocked(ISO)(k, t, u, y)[0].replace("T", " "), f"{comma(k, t, u, y)[1]}%",
+            f"{comma(k, t, u, y)[2]} m³/h",
+        ), ";"), {},
+    ),
+    "a serial monitor": (
+        lines("11:58:29.900 -> u,y", lambda *e: (
+            f"{clocked('%H:%M:%S.%f')(*e)[0]} -> {e[2]}", f"{e[3]}")), {},
+    ),
+    "a serial monitor that begins within a line": (
+        lines("50.0\t2", lambda *e: (f"{clocked('%H:%M:%S')(*e)[0]} -> {e[2]}", f"{e[3]}"), "\t"),
+        {},
+    ),
     "old line ends": (lines("t,u,y", plain).replace("\n", "\r"), {}),
     "sep=": ("sep=;\n" + lines("t;u;y", comma, ";"), {}),
     "a row is missing": (lines("t,u,y", plain, keep=[k for k in range(COUNT) if k != 57]), {}),
@@ -187,6 +204,17 @@ REFUSED = {
     "decimal commas beside commas": (
         replaced(lambda k: f"{k},0,{k // 7 % 2},5,{k % 5},5"),
         "line 2 has 6 cells where the first has 3 .*semicolons",
+    ),
+    "two units of a signal": (
+        replaced(lambda k: f"{k} s,{k // 7 % 2} V,{950 + k if k < 50 else 1.0} {'mW'[k > 49 :]}"),
+        "line 52: y is '1.0 W' where line 2 has '950 mW': write all in one unit, or without any",
+    ),
+    "numbers with and without a unit": (
+        spoilt(9, "7,1 V,2"), "line 9: u is '1 V' where line 2 has '0'",
+    ),
+    "a number that goes on as a word": (spoilt(9, "7,1x2,2"), "line 9: u is '1x2', which is no f"),
+    "times in a unit that is none": (
+        replaced(lambda k: f"{k} V,{k // 7 % 2},{k % 5}"), "t is in 'V', which is no unit of time"
     ),
     "a gap": ("\n".join(["t,u,y", *GOOD[:20], *GOOD[30:]]), "10 of them in a row before line 22"),
     "a step in a gap": (
