@@ -19,6 +19,7 @@ from nrdob.reporting import main, propose
 from nrdob.reporting.choices import controller_for, filter_for
 from nrdob.reporting.datasections import data_sections
 from nrdob.reporting.loopsections import sections_of
+from tests.campaigns import proposals
 
 s = ct.tf("s")
 UNKIND = "<script>alert(1)</script>"
@@ -545,3 +546,10 @@ def test_a_controller_is_designed_for_the_bandwidth_of_the_observer(lam):
     omega = 1 / (2 * lam)
     assert f"a crossover at {omega:g} rad/s" in said
     assert abs(found(1j * omega) * model(1j * omega)) == pytest.approx(1.0)
+
+
+@pytest.mark.slow
+def test_no_loop_proposed_for_a_record_is_unstable_on_the_plant_that_made_it():
+    tally = proposals.campaign(5, seed=11)
+    assert sum(tally.values()) == 5 and any("proposed, stable" in outcome for outcome in tally)
+    assert not any("UNSTABLE" in outcome or "WRONG" in outcome for outcome in tally)
