@@ -31,10 +31,9 @@ class DelayedTransferFunction:
 
     Raises
     ------
-    TypeError
-        If `delay` is no real number.
-    ValueError
-        If `delay` is negative or not finite, or the rational part is not SISO continuous-time.
+    TypeError, ValueError
+        If `delay` is no real number, negative or not finite, or the rational part is not SISO
+        continuous-time.
 
     Examples
     --------
@@ -176,10 +175,8 @@ def delay(seconds: float) -> DelayedTransferFunction:
 
     Raises
     ------
-    TypeError
-        If `seconds` is no real number.
-    ValueError
-        If it is negative or not finite.
+    TypeError, ValueError
+        If `seconds` is no real number, negative or not finite.
 
     Examples
     --------

@@ -69,12 +69,11 @@ integrator of the model cancels, and k of them if F meets exp(θm s) up to the p
 
 Here (1 - exp(-θm s))/s is the integral of u over the last θm, a memory of that length and no more.
 It has to be built as that: a sum over the samples in a buffer, or an integral begun anew for every
-window. The difference of two integrators, of which one is θm late, or a running sum that adds the
-newest sample and takes off the oldest, has the same response, but it is not stable: what rounding,
-or a wrong start, once puts into the difference never leaves it again. That is the diagram with
-`keep_factors=True`. For p != 0, F(p) exp(-θm p) = 1 holds to rounding at best; in the right half
-plane the memory then grows from one end of its window to the other, and replacing its integral by a
-sum can make the loop unstable, however fine the steps. Such poles are kept.
+window. The difference of two integrators, of which one is θm late, has the same response, but it is
+not stable: what rounding, or a wrong start, once puts into it never leaves it again. That is the
+diagram with `keep_factors=True`. For p != 0, F(p) exp(-θm p) = 1 holds to rounding at best; in the
+right half plane the memory then grows from one end of its window to the other, and replacing its
+integral by a sum can make the loop unstable, however fine the steps. Such poles are kept.
 
 .. rubric:: References
 
@@ -308,12 +307,8 @@ class ObserverEquations(_ObserverMaps):
 
     Parameters
     ----------
-    process, model, filter, keep_factors : as for `LoopEquations`
-
-    Raises
-    ------
-    TypeError, ValueError
-        If a block cannot stand where it is put; the message names the block and the remedy.
+    process, model, filter, keep_factors : as for `nrdob.NRDOB`
+        G, Gm and F, with the same refusals.
 
     Examples
     --------
@@ -339,20 +334,8 @@ class LoopEquations(_ObserverMaps):
 
     Parameters
     ----------
-    process, model : control.TransferFunction, StateSpace, DelayedTransferFunction or (num, den)
-        G and Gm, proper, with or without dead time.
-    controller : control.TransferFunction, StateSpace, number or (num, den)
-        C, proper.
-    filter : LowPassFilter, or a stable proper block with F(0) = 1
-        F, of at least the model's relative degree, so that F/model is causal.
-    keep_factors : bool
-        Whether what F/model and (1 - F)·model share with themselves is kept, because 1 - F, the
-        model and its inverse are built as blocks of their own.
-
-    Raises
-    ------
-    TypeError, ValueError
-        If a block cannot stand where it is put; the message names the block and the remedy.
+    process, model, controller, filter, keep_factors : as for `nrdob.NRDOB`
+        G, Gm, C and F, with the same refusals.
     """
 
     process: Any

@@ -31,11 +31,9 @@ class LowPassFilter:
 
     Raises
     ------
-    ValueError
-        If `time_constant` is not positive and finite, `order` is below 1, or a coefficient leaves
-        the range of floating-point numbers.
-    TypeError
-        If `time_constant` is no real number, or `order` no whole one.
+    TypeError, ValueError
+        If `time_constant` is no real number, positive and finite, or `order` no whole one from 1
+        on; if a coefficient leaves the range of floating-point numbers.
 
     Examples
     --------
