@@ -26,12 +26,12 @@ from ..numerics import Block, ComplexArray, FloatArray, IntArray
 from .steps import (
     NODES,
     across,
-    all_poles,
     panel_basis,
     panel_lengths,
     panel_matrices,
     radau,
     resolved_to,
+    side_by_side,
 )
 
 __all__ = ["Driven", "delayed_responses"]
@@ -66,14 +66,8 @@ def delayed_responses(
     times (N,) and gives both outputs there, (2, N). A ValueError if too many panels would be
     needed, an ArithmeticError if signals are too fast for them.
     """
-    groups = [each.blocks for each in driven]
-    blocks = [(block, k) for k, group in enumerate(groups) for block in group]
-    start = np.concatenate(
-        [np.zeros(sum(b.B.size for b, _ in blocks)), *(b.B for b in free)], dtype=float
-    )
-    # A free block is one that nothing drives.
-    blocks += [(Block(b.A, np.zeros_like(b.B), b.C, np.zeros_like(b.D)), 0) for b in free]
-    delays, poles = np.array([each.delay for each in driven]), all_poles(b for b, _ in blocks)
+    blocks, start, poles = side_by_side([each.blocks for each in driven], free)
+    delays = np.array([each.delay for each in driven])
     for refined in (finer, 2 * finer, 4 * finer, 8 * finer):
         edges = _mesh(poles, delays, last, smoothing, refined)
         values = _march(blocks, driven, start, edges)
