@@ -271,7 +271,7 @@ def _range(name: str, given: Any) -> Axis:
     if not (isinstance(given, tuple | list) and len(given) == 2):
         raise TypeError(f"{name} is {given!r}; give (low, high), such as (1.0, 100.0)")
     low, high = (real_number(end, name, "give two numbers") for end in given)
-    if not (low > 0 and isfinite(high) and high >= DECADE_AND_MORE * low):
+    if not (0 < DECADE_AND_MORE * low <= high < inf):
         raise ValueError(
             f"{name} reaches from {low} to {high}; both ends must be positive and a factor of "
             f"{DECADE_AND_MORE:g} or more apart"

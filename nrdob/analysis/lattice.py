@@ -1,6 +1,6 @@
 r"""The method of steps with several dead times.
 
-    x' = A x + sum of B z        (y, u) = C x + sum of D z        z(t) = u(t - T) + w(t - T)
+    x' = A x + sum of B z        (y, v) = C x + sum of D z        z(t) = v(t - T) + w(t - T)
 
 for every dead time T, where w is known, and all is zero before t = 0. What happens at t = 0 comes
 around at every sum of multiples of the dead times, a lattice of moments at which signals jump or
@@ -26,12 +26,12 @@ from ..numerics import Block, ComplexArray, FloatArray, IntArray
 from .steps import (
     NODES,
     across,
-    all_poles,
     panel_basis,
     panel_lengths,
     panel_matrices,
     radau,
     resolved_to,
+    side_by_side,
 )
 
 __all__ = ["Driven", "delayed_responses"]
@@ -45,9 +45,10 @@ _SAME = 1e-12  # of the last time: two moments of the lattice that are one
 
 @dataclass(frozen=True)
 class Driven:
-    """What one delayed signal does: blocks to (y, u), side by side, at rest at first.
+    """What one delayed signal does: blocks to two outputs, side by side, at rest at first.
 
-    `known` holds coefficients, in descending powers of t, of what is added to u before its delay.
+    `known` holds coefficients, in descending powers of t, of what is added to the second output
+    before its delay.
     """
 
     blocks: Sequence[Block]
@@ -60,19 +61,13 @@ def delayed_responses(
 ) -> Callable[[FloatArray], FloatArray]:
     """March from moment to moment until the last time of interest, in seconds.
 
-    The input makes (y, u) the impulse responses of the blocks in `free`; a bend gains at least
-    `smoothing` derivatives on every way around the loop. What is returned takes increasing times
-    (N,) and gives y and u there, (2, N). A ValueError if too many panels would be needed, an
-    ArithmeticError if signals are too fast for them.
+    The input makes both outputs the impulse responses of the blocks in `free`; a bend gains at
+    least `smoothing` derivatives on every way around the loop. What is returned takes increasing
+    times (N,) and gives both outputs there, (2, N). A ValueError if too many panels would be
+    needed, an ArithmeticError if signals are too fast for them.
     """
-    groups = [each.blocks for each in driven]
-    blocks = [(block, k) for k, group in enumerate(groups) for block in group]
-    start = np.concatenate(
-        [np.zeros(sum(b.B.size for b, _ in blocks)), *(b.B for b in free)], dtype=float
-    )
-    # A free block is one that nothing drives.
-    blocks += [(Block(b.A, np.zeros_like(b.B), b.C, np.zeros_like(b.D)), 0) for b in free]
-    delays, poles = np.array([each.delay for each in driven]), all_poles(b for b, _ in blocks)
+    blocks, start, poles = side_by_side([each.blocks for each in driven], free)
+    delays = np.array([each.delay for each in driven])
     for refined in (finer, 2 * finer, 4 * finer, 8 * finer):
         edges = _mesh(poles, delays, last, smoothing, refined)
         values = _march(blocks, driven, start, edges)
@@ -169,7 +164,7 @@ def _different(lengths: FloatArray, last: float) -> tuple[IntArray, IntArray]:
 def _march(
     blocks: Sequence[tuple[Block, int]], driven: Sequence[Driven], x: FloatArray, edges: FloatArray
 ) -> FloatArray:
-    """Values (P, 2, m) of y and u at the nodes of all panels."""
+    """Values (P, 2, m) of y and v at the nodes of all panels."""
     lengths = np.diff(edges)
     first, which = _different(lengths, edges[-1])
     if first.size > MAX_LENGTHS:

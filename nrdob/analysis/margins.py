@@ -15,8 +15,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..diagram import LoopEquations, Quotient
-from ..numerics import ROUNDING, ComplexArray, FloatArray, is_real
+from ..diagram import LoopEquations, Quotient, real_number
+from ..numerics import ROUNDING, ComplexArray, FloatArray
 from .frequencies import gentle_frequencies, with_turns
 from .locus import Found, Locus, Notable, notable_frequencies
 from .nyquist import closed_around
@@ -198,13 +198,11 @@ def margin_bounds(ms: float) -> MarginBounds:
     >>> round(low, 4), high, round(pm, 2)
     (0.6667, 2.0, 28.96)
     """
-    if not is_real(ms):
-        raise TypeError(f"ms is {ms!r}; give the sensitivity's peak as a number, such as 1.4")
-    if not 1 < ms < inf:
-        raise ValueError(
-            f"ms is {ms}; bounds exist for a finite peak above 1: a peak of 1 or less bounds no "
-            "gain from above (the sensitivity of a loop that falls off is never below 1)"
-        )
+    remedy = (
+        "give the sensitivity's peak as a number, finite and above 1: one of 1 or less bounds no "
+        "gain from above (the sensitivity of a loop that falls off is never below 1)"
+    )
+    ms = real_number(ms, "ms", remedy, above=1.0)
     return MarginBounds(ms / (ms + 1), ms / (ms - 1), degrees(2 * asin(1 / (2 * ms))))
 
 

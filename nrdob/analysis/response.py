@@ -147,7 +147,6 @@ def forced_response(
 def _data(
     times: FloatArray, outputs: FloatArray, inputs: FloatArray, input: str, kind: str, **more: Any
 ) -> ct.TimeResponseData:
-    """Give y and u as python-control does."""
     return ct.TimeResponseData(
         times, outputs, inputs=inputs, issiso=False, output_labels=["y", "u"],
         input_labels=[input], title=f"{kind} to {input}", **more,

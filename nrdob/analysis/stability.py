@@ -218,12 +218,8 @@ def judge_observer(
 
     Parameters
     ----------
-    process, model : control.TransferFunction, StateSpace, DelayedTransferFunction or (num, den)
-        G and G̃, proper, with or without dead time.
-    filter : LowPassFilter, or a stable proper block with F(0) = 1
-        F, of at least the model's relative degree.
-    keep_factors : bool
-        Whether 1 - F, the model and its inverse are blocks of their own, see `nrdob.NRDOB`.
+    process, model, filter, keep_factors : as for `nrdob.NRDOB`
+        G, G̃ and F, and whether 1 - F, the model and its inverse are blocks of their own.
 
     Returns
     -------

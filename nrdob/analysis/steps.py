@@ -11,7 +11,7 @@ solved by Radau collocation, which damps what is too fast to be seen.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cache, cached_property, lru_cache
 from math import lgamma, log, log2
@@ -26,13 +26,13 @@ __all__ = [
     "MAX_DELAYS",
     "NODES",
     "across",
-    "all_poles",
     "delayed_response",
     "panel_basis",
     "panel_lengths",
     "panel_matrices",
     "radau",
     "resolved_to",
+    "side_by_side",
     "to_chebyshev",
 ]
 
@@ -90,57 +90,58 @@ def delayed_response(
     0 on and gives y and v there, (2, N). It raises ValueError where times span too many panels or
     dead times, and ArithmeticError where signals are too fast for the panels.
     """
-    start = np.concatenate([np.zeros(sum(b.B.size for b in driven)), *(b.B for b in free)])
-    idle = [Block(b.A, np.zeros_like(b.B), b.C, np.zeros_like(b.D)) for b in free]
-    blocks = [*driven, *idle]
-    poles = all_poles(blocks)
+    blocks, start, poles = side_by_side([driven], free)
 
     @cache
-    def interval(finer: float) -> _Interval:
+    def refined(finer: float) -> _Interval:
         lengths = panel_lengths(poles, delay, finer)
         different, which = np.unique(lengths, return_inverse=True)
-        found = panel_matrices([(block, 0) for block in blocks], 1, different)
+        found = panel_matrices(blocks, 1, different)
         return _Interval(np.append(0.0, np.cumsum(lengths)), found[which])
 
-    return lambda times: _evaluated(interval, start, delay, times)
+    def at(times: FloatArray) -> FloatArray:
+        # Against the size that the signals had before the times asked for.
+        seen, asked = np.unique(np.concatenate([times, times[-1] * _GRID]), return_inverse=True)
+        # A time that only rounding puts before a border is meant to be on it.
+        index = np.floor(seen / delay + 1e-9).astype(int)
+        local = np.clip(seen - index * delay, 0.0, delay)
+        intervals, which = np.unique(index, return_inverse=True)
+        for finer in (1.0, 2.0, 4.0):
+            interval = refined(finer)
+            edges = interval.edges
+            panel = np.clip(np.searchsorted(edges, local, side="right") - 1, 0, edges.size - 2)
+            values = _seen(interval, start, intervals)[which, panel]
+            if resolved_to(1e-11, values):
+                break
+        else:
+            raise ArithmeticError(
+                "the signals between two multiples of the dead time are too fast to be resolved; "
+                "shorten timepts or slow the fastest block"
+            )
+        asked = asked[: times.size]
+        place = (local - edges[panel]) / np.diff(edges)[panel]
+        basis = panel_basis(place[asked])[..., np.newaxis]
+        return np.asarray((values[asked] @ basis)[..., 0].T)
+
+    return at
 
 
-def _evaluated(
-    refined: Callable[[float], _Interval], start: FloatArray, delay: float, times: FloatArray
-) -> FloatArray:
-    """Values (2, N) at `times`, on panels that are made finer until they resolve the signals."""
-    # Against the size that the signals had before the times asked for.
-    looked_at, asked = np.unique(np.concatenate([times, times[-1] * _GRID]), return_inverse=True)
-    # A time that only rounding puts before a border is meant to be on it.
-    index = np.floor(looked_at / delay + 1e-9).astype(int)
-    local = np.clip(looked_at - index * delay, 0.0, delay)
-    intervals, which = np.unique(index, return_inverse=True)
-    for finer in (1.0, 2.0, 4.0):
-        interval = refined(finer)
-        edges = interval.edges
-        panel = np.clip(np.searchsorted(edges, local, side="right") - 1, 0, edges.size - 2)
-        values = _seen(interval, start, intervals)[which, panel]
-        if resolved_to(1e-11, values):
-            break
-    else:
-        raise ArithmeticError(
-            "the signals between two multiples of the dead time are too fast to be resolved; "
-            "shorten timepts or slow the fastest block"
-        )
-    asked = asked[: times.size]
-    place = (local - edges[panel]) / np.diff(edges)[panel]
-    basis = panel_basis(place[asked])[..., np.newaxis]
-    return np.asarray((values[asked] @ basis)[..., 0].T)
+def side_by_side(
+    groups: Sequence[Sequence[Block]], free: Sequence[Block]
+) -> tuple[list[tuple[Block, int]], FloatArray, ComplexArray]:
+    """All blocks, with the delayed signal that drives each, their states at t = 0, their poles."""
+    blocks = [(block, k) for k, group in enumerate(groups) for block in group]
+    at_rest = np.zeros(sum(block.B.size for block, _ in blocks))
+    start = np.concatenate([at_rest, *(block.B for block in free)], dtype=float)
+    # A free block is one that nothing drives.
+    blocks += [(Block(b.A, np.zeros_like(b.B), b.C, np.zeros_like(b.D)), 0) for b in free]
+    poles = [np.linalg.eigvals(block.A).astype(complex) for block, _ in blocks]
+    return blocks, start, np.concatenate(poles)
 
 
 def panel_basis(place: FloatArray) -> FloatArray:
     """Weights of a panel's nodes for values at places in [0, 1] of it."""
     return np.asarray(chebyshev.chebvander(2 * place - 1, NODES - 1) @ to_chebyshev())
-
-
-def all_poles(blocks: Iterable[Block]) -> ComplexArray:
-    """Eigenvalues of all blocks."""
-    return np.concatenate([np.linalg.eigvals(block.A).astype(complex) for block in blocks])
 
 
 def panel_lengths(poles: ComplexArray, delay: float, finer: float) -> FloatArray:

@@ -36,10 +36,8 @@ def noise_variance(loop: LoopEquations, shaping: Any = None) -> NoiseVariance:
 
     Raises
     ------
-    ValueError
-        If the loop is not stable, or W is not.
-    TypeError
-        If `shaping` is no block.
+    TypeError, ValueError
+        If the loop is not stable, or W is not, or no block.
 
     Examples
     --------

@@ -57,13 +57,12 @@ def ways(loop: LoopEquations, horizon: float) -> tuple[Way, ...]:
     shortest = min((each for each in (loop.delay, loop.model_delay) if each), default=0.0)
     if not shortest:
         return (_echoes,)
-    march = _waiting if loop.model_delay else _marching
     if horizon < _FIRST_ECHOES * shortest:
-        return _echoes, march
+        return _echoes, _marching
     if horizon < (_ECHOES_OF_TWO if loop.model_delay else _ECHOES) * shortest:
-        return march, _echoes
+        return _marching, _echoes
     if loop.model_delay or horizon <= _FEW_DELAYS * loop.delay:
-        return (march,)
+        return (_marching,)
     return (_marching, _short_delay) if horizon <= MAX_DELAYS * loop.delay else (_short_delay,)
 
 
@@ -143,90 +142,93 @@ def _echoes(
 def _marching(
     loop: LoopEquations, input: str, horizon: float, integrals: int, attempt: int
 ) -> Solver:
-    """Dead time by dead time, see `nrdob.analysis.steps`."""
-    unit = _UNITS[attempt]
-    driven = _in_blocks(_around_the_delay(loop), horizon, unit)
-    free = _free(_before_the_delay(loop, input), integrals, horizon, unit)
-    march = delayed_response(driven, free, loop.delay * unit)
-    return lambda times: march(times * unit)
+    """From moment to moment at which something comes around, see `nrdob.analysis.lattice`.
 
-
-def _waiting(
-    loop: LoopEquations, input: str, horizon: float, integrals: int, attempt: int
-) -> Solver:
-    """From moment to moment at which something comes around, see `nrdob.analysis.lattice`."""
+    With one dead time it comes around evenly, see `nrdob.analysis.steps`.
+    """
     unit = _UNITS[attempt]
-    known = np.append([unit ** (1 - integrals)], np.zeros(integrals - 1))  # of δ in this unit
-    nothing = np.zeros(0)
-    driven = [
-        Driven(
-            _in_blocks(rational, horizon, unit),
-            delay * unit,
-            known if input == "delta" and of_v else nothing,
-        )
+    behind = [
+        (_in_blocks(rational, horizon, unit), delay * unit, of_v)
         for rational, delay, of_v in _behind_the_delays(loop)
     ]
     free = _free(_beside_the_delays(loop, input), integrals, horizon, unit)
+    if not loop.model_delay:
+        ((blocks, delay, _),) = behind
+        march = delayed_response(blocks, free, delay)
+        return lambda times: march(times * unit)
+    # Where v = u + δ is what comes out, what waits in the model is v - δ.
+    nothing, delta = np.zeros(0), np.zeros(integrals)
+    delta[0] = unit ** (1 - integrals)
+    driven = [
+        Driven(blocks, delay, nothing if of_v or input != "delta" else -delta)
+        for blocks, delay, of_v in behind
+    ]
     smoothing, ratio = loop.fractions.F.relative_degree, loop.ratio
     if loop.delay:
         smoothing += min(0, ratio.denominator.degree - ratio.numerator.degree)
-
-    march = delayed_responses(driven, free, horizon * unit, smoothing, _FINER[attempt])
-
-    def solve(times: FloatArray) -> FloatArray:
-        outputs = march(times * unit)
-        if input == "delta":
-            outputs[1] += np.polyval(known, times * unit)
-        return outputs
-
-    return solve
+    several = delayed_responses(driven, free, horizon * unit, smoothing, _FINER[attempt])
+    return lambda times: several(times * unit)
 
 
 def _behind_the_delays(loop: LoopEquations) -> list[tuple[Rational, float, bool]]:
-    """Return what delayed signals do to y and u, their dead times, and which is v = u + δ."""
+    """Return what delayed signals do to y and v, their dead times, and which is v itself."""
     G, Gm, _, F = loop.fractions
-    nothing = np.zeros(1)
+    num, den = _feedback(loop)
     if not loop.delay:
         both = _product(G.num, Gm.num, F.num), _product(G.den, Gm.num, F.num)
         return [((both, _without_waiting(loop)), loop.model_delay, False)]
-    inverse = _product(F.den, Gm.num)
-    y, u = np.convolve(G.num, inverse), -_product(G.num, F.num, Gm.den)
-    process = (y, u), np.convolve(G.den, inverse)
-    return [(process, loop.delay, True), (((nothing, F.num), F.den), loop.model_delay, False)]
+    process = (np.convolve(G.num, den), -np.convolve(G.num, num)), np.convolve(G.den, den)
+    found: list[tuple[Rational, float, bool]] = [(process, loop.delay, True)]
+    if loop.model_delay:
+        found.append((((np.zeros(1), F.num), F.den), loop.model_delay, False))
+    return found
 
 
 def _beside_the_delays(loop: LoopEquations, input: str) -> Rational:
-    """Return what the input does to y and u before anything has come around.
+    """Return what the input does to y and v = u, or u + δ, before anything has come around.
 
-    u = c - (F/Gm0)(y + η), where c = C e is the prefiltered reference; without dead time in the
-    process y = G0 (u + δ) + d at once.
+    u = c - K (y + η), where c = C e is the prefiltered reference and K all the feedback that does
+    not wait; without dead time in the process y = G0 v + d at once.
     """
     G, Gm, C, F = loop.fractions
     nothing, one = np.zeros(1), np.ones(1)
-    feedback, through = _product(F.num, Gm.den), _product(F.den, Gm.num)
-    prefilter = _product(C.num, Gm.den)
+    num, den = _feedback(loop)
+    if loop.model_delay:
+        prefilter, slowly = _product(C.num, Gm.den), loop.p_A.q
+    else:
+        prefilter = _product(C.num, loop.built.Dm.q, F.den)
+        slowly = _product(loop.p_A.q, loop.built.E.q)
     if loop.delay:
         return {
-            "R": ((nothing, prefilter), loop.p_A.q),
-            "d": ((through, -feedback), through),
-            "eta": ((nothing, -feedback), through),
-            "delta": ((nothing, nothing), one),
+            "R": ((nothing, prefilter), slowly),
+            "d": ((den, -num), den),
+            "eta": ((nothing, -num), den),
+            "delta": ((nothing, one), one),
         }[input]
-    den = _without_waiting(loop)
-    to_y, to_u = _product(G.num, through), _product(G.den, through)
-    around, back = _product(G.num, feedback), _product(G.den, feedback)
+    closed = _without_waiting(loop)
+    to_y, to_v = _product(G.num, den), _product(G.den, den)
+    around, back = _product(G.num, num), _product(G.den, num)
     return {
-        "R": ((_product(to_y, prefilter), _product(to_u, prefilter)), _product(loop.p_A.q, den)),
-        "d": ((to_u, -back), den),
-        "eta": ((-around, -back), den),
-        "delta": ((to_y, -around), den),
+        "R": ((_product(to_y, prefilter), _product(to_v, prefilter)), _product(slowly, closed)),
+        "d": ((to_v, -back), closed),
+        "eta": ((-around, -back), closed),
+        "delta": ((to_y, to_v), closed),
     }[input]
 
 
 def _without_waiting(loop: LoopEquations) -> FloatArray:
     """D Nm Df + N Dm Nf, what a process without dead time does while the model still waits."""
-    G, Gm, _, F = loop.fractions
-    return add(_product(G.den, Gm.num, F.den), _product(G.num, Gm.den, F.num))
+    G, (num, den) = loop.fractions.G, _feedback(loop)
+    return add(_product(G.den, den), _product(G.num, num))
+
+
+def _feedback(loop: LoopEquations) -> tuple[FloatArray, FloatArray]:
+    """Numerator and denominator of K, from the blocks as they are built; F/Gm0 of a late model."""
+    _, Gm, _, F = loop.fractions
+    if loop.model_delay:
+        return np.convolve(F.num, Gm.den), np.convolve(F.den, Gm.num)
+    built = loop.built
+    return np.convolve(built.Nf.q, built.Dm.q), np.convolve(built.E.q, built.Nm.q)
 
 
 def _product(*factors: FloatArray) -> FloatArray:
@@ -251,30 +253,6 @@ def _short_delay(
         return outputs
 
     return solve
-
-
-def _around_the_delay(loop: LoopEquations) -> Rational:
-    """Return what z does: y = G0 z and v = -K G0 z with K = F/((1 - F) Gm)."""
-    G, (num, den) = loop.fractions.G, _feedback(loop)
-    return (np.convolve(G.num, den), -np.convolve(G.num, num)), np.convolve(G.den, den)
-
-
-def _before_the_delay(loop: LoopEquations, input: str) -> Rational:
-    """Return what the input does to y and v before anything has come around."""
-    nothing, one, (num, den) = np.zeros(1), np.ones(1), _feedback(loop)
-    prefilter = _product(loop.fractions.C.num, loop.built.Dm.q, loop.fractions.F.den)
-    return {
-        "R": ((nothing, prefilter), np.convolve(loop.p_A.q, loop.built.E.q)),
-        "d": ((den, -num), den),
-        "eta": ((nothing, -num), den),
-        "delta": ((nothing, one), one),
-    }[input]
-
-
-def _feedback(loop: LoopEquations) -> tuple[FloatArray, FloatArray]:
-    """Numerator and denominator of K, from the blocks as they are built."""
-    built = loop.built
-    return np.convolve(built.Nf.q, built.Dm.q), np.convolve(built.E.q, built.Nm.q)
 
 
 def _free(rational: Rational, integrals: int, horizon: float, unit: float) -> list[Block]:

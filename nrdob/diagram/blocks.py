@@ -100,7 +100,9 @@ def nonzero(fraction: Fraction, name: str) -> Fraction:
     return fraction
 
 
-def real_number(value: Any, name: str, remedy: str, *, above: float | None = None) -> float:
+def real_number(
+    value: Any, name: str, remedy: str, *, above: float | None = None, least: float | None = None
+) -> float:
     """Read one real number, or raise TypeError with the `remedy`.
 
     Parameters
@@ -108,8 +110,8 @@ def real_number(value: Any, name: str, remedy: str, *, above: float | None = Non
     value : object
     name, remedy : str
         What it is called in the message, and what to give instead.
-    above : float, optional
-        A number that is not finite, or not above this, is a ValueError.
+    above, least : float, optional
+        A number that is not finite, not above this, or not at least that, is a ValueError.
 
     Examples
     --------
@@ -123,7 +125,8 @@ def real_number(value: Any, name: str, remedy: str, *, above: float | None = Non
         number = complex(inf)
     if number.imag:
         raise TypeError(f"{name} is {value!r}, a {type(value).__name__}; {remedy}")
-    if above is not None and not above < number.real < inf:
+    below = above is not None and not above < number.real < inf
+    if below or (least is not None and not least <= number.real < inf):
         raise ValueError(f"{name} is {value}; {remedy}")
     return number.real
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import sys
-from math import inf, isfinite, nan
+from math import inf, nan
 from typing import Any
 
 import control as ct
@@ -31,10 +31,9 @@ class DelayedTransferFunction:
 
     Raises
     ------
-    TypeError
-        If `delay` is no real number.
-    ValueError
-        If `delay` is negative or not finite, or the rational part is not SISO continuous-time.
+    TypeError, ValueError
+        If `delay` is no real number, negative or not finite, or the rational part is not SISO
+        continuous-time.
 
     Examples
     --------
@@ -48,14 +47,12 @@ class DelayedTransferFunction:
     __array_ufunc__ = None  # numpy scalars on the left then use __rmul__
 
     def __init__(self, tf: Any, delay: float) -> None:
-        seconds = real_number(delay, "delay", "a dead time is a number of seconds")
-        if not (isfinite(seconds) and seconds >= 0):
-            raise ValueError(
-                f"delay is {delay}; a dead time is a finite number of seconds, zero or positive "
-                "(a negative one would predict the future)"
-            )
+        remedy = (
+            "a dead time is a finite number of seconds, zero or positive (a negative one would "
+            "predict the future)"
+        )
+        self.delay = real_number(delay, "delay", remedy, least=0.0)
         self.tf = ct.tf(*as_fraction(tf, "the rational part", proper=False))
-        self.delay = seconds
 
     def __call__(self, s: complex | ComplexArray) -> Any:
         """Evaluate at complex `s`, a number or an array of any shape, in rad/s."""
@@ -178,10 +175,8 @@ def delay(seconds: float) -> DelayedTransferFunction:
 
     Raises
     ------
-    TypeError
-        If `seconds` is no real number.
-    ValueError
-        If it is negative or not finite.
+    TypeError, ValueError
+        If `seconds` is no real number, negative or not finite.
 
     Examples
     --------

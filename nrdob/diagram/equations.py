@@ -69,12 +69,11 @@ integrator of the model cancels, and k of them if F meets exp(θm s) up to the p
 
 Here (1 - exp(-θm s))/s is the integral of u over the last θm, a memory of that length and no more.
 It has to be built as that: a sum over the samples in a buffer, or an integral begun anew for every
-window. The difference of two integrators, of which one is θm late, or a running sum that adds the
-newest sample and takes off the oldest, has the same response, but it is not stable: what rounding,
-or a wrong start, once puts into the difference never leaves it again. That is the diagram with
-`keep_factors=True`. For p != 0, F(p) exp(-θm p) = 1 holds to rounding at best; in the right half
-plane the memory then grows from one end of its window to the other, and replacing its integral by a
-sum can make the loop unstable, however fine the steps. Such poles are kept.
+window. The difference of two integrators, of which one is θm late, has the same response, but it is
+not stable: what rounding, or a wrong start, once puts into it never leaves it again. That is the
+diagram with `keep_factors=True`. For p != 0, F(p) exp(-θm p) = 1 holds to rounding at best; in the
+right half plane the memory then grows from one end of its window to the other, and replacing its
+integral by a sum can make the loop unstable, however fine the steps. Such poles are kept.
 
 .. rubric:: References
 
@@ -86,10 +85,10 @@ M. Dambrine, J.-F. Lafay, J.-P. Richard, Proc. 38th IEEE Conference on Decision 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cached_property, reduce
 from math import factorial
+from operator import attrgetter
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -101,6 +100,17 @@ from .filters import TYPED_IN, filter_fraction
 from .quotient import Quotient
 
 __all__ = ["LoopEquations", "LoopFractions", "ObserverEquations", "ObserverFractions"]
+
+MADE = {
+    "Nm'": attrgetter("built.Nm"),
+    "Nf'": attrgetter("built.Nf"),
+    "Dm'": attrgetter("built.Dm"),
+    "E": attrgetter("built.E"),
+    "mismatch": attrgetter("_mismatch"),
+    "A": attrgetter("p_A"),
+    "B": attrgetter("p_B"),
+}
+"""Factors of the maps that are not made before they are asked for."""
 
 SAME_DELAY = 4 * float(np.finfo(float).eps)  # of two dead times: 0.1 + 0.2 is not 0.3
 
@@ -136,18 +146,6 @@ class LoopFractions(NamedTuple):
     F: Fraction
 
 
-class _Parts(dict[str, QuasiPolynomial]):
-    """Factors by name, each made when it is first asked for."""
-
-    def __init__(self, makers: Mapping[str, Callable[[], QuasiPolynomial]]) -> None:
-        super().__init__()
-        self.makers = makers
-
-    def __missing__(self, name: str) -> QuasiPolynomial:
-        self[name] = self.makers[name]()
-        return self[name]
-
-
 class _Map(cached_property[Quotient]):
     """A map of the loop: the factors of its numerator and denominator, by their names."""
 
@@ -156,7 +154,10 @@ class _Map(cached_property[Quotient]):
         self.parts, self.__doc__ = (num.split(), den.split()), doc
 
     def _made(self, loop: Any) -> Quotient:
-        num, den = (tuple(loop._parts[part] for part in parts) for parts in self.parts)
+        num, den = (
+            tuple(MADE[part](loop) if part in MADE else loop._factors[part] for part in parts)
+            for parts in self.parts
+        )
         return Quotient(num, den, self.attrname or "")
 
 
@@ -278,35 +279,26 @@ class _ObserverMaps:
     L = _Map("Nf' Dm' Ne", "E Nm' D", "Plant loop L = K G, the loop that the plant itself sees.")
 
     @cached_property
-    def _parts(self) -> _Parts:
-        return _Parts(self._makers())
-
-    def __getstate__(self) -> dict[str, Any]:
-        """Leave out of copies and pickles how factors are made: they are functions of this loop."""
-        return {name: value for name, value in vars(self).items() if name != "_parts"}
-
-    def _makers(self) -> dict[str, Callable[[], QuasiPolynomial]]:
-        """How each factor of the maps is made, by its name."""
+    def _factors(self) -> dict[str, QuasiPolynomial]:
+        """Factors of the maps by name, as they are handed in; Ne and Nme wait."""
         G, Gm, F = self._observer_fractions
         nothing = np.zeros(1)
         return {
-            "-1": lambda: QuasiPolynomial(-np.ones(1)),
-            "D": lambda: QuasiPolynomial(G.den),
-            "Nm": lambda: QuasiPolynomial(Gm.num),
-            "Dm": lambda: QuasiPolynomial(Gm.den),
-            "Nf": lambda: QuasiPolynomial(F.num),
-            "Df": lambda: QuasiPolynomial(F.den),
-            "Ne": lambda: QuasiPolynomial(nothing, G.num, self.delay),
-            "Nme": lambda: QuasiPolynomial(nothing, Gm.num, self.model_delay),
-            "Nm'": lambda: self.built.Nm,
-            "Nf'": lambda: self.built.Nf,
-            "Dm'": lambda: self.built.Dm,
-            "E": lambda: self.built.E,
-            "mismatch": lambda: _sum_of_products(
-                ((-G.den, Gm.num), self.model_delay), ((G.num, Gm.den), self.delay)
-            ),
-            "B": lambda: self.p_B,
+            "-1": QuasiPolynomial(-np.ones(1)),
+            "D": QuasiPolynomial(G.den),
+            "Nm": QuasiPolynomial(Gm.num),
+            "Dm": QuasiPolynomial(Gm.den),
+            "Nf": QuasiPolynomial(F.num),
+            "Df": QuasiPolynomial(F.den),
+            "Ne": QuasiPolynomial(nothing, G.num, self.delay),
+            "Nme": QuasiPolynomial(nothing, Gm.num, self.model_delay),
         }
+
+    @cached_property
+    def _mismatch(self) -> QuasiPolynomial:
+        """Numerator of G/Gm0 - exp(-θm s)."""
+        G, Gm, _ = self._observer_fractions
+        return _sum_of_products(((-G.den, Gm.num), self.model_delay), ((G.num, Gm.den), self.delay))
 
 
 @dataclass(frozen=True, eq=False)
@@ -315,12 +307,8 @@ class ObserverEquations(_ObserverMaps):
 
     Parameters
     ----------
-    process, model, filter, keep_factors : as for `LoopEquations`
-
-    Raises
-    ------
-    TypeError, ValueError
-        If a block cannot stand where it is put; the message names the block and the remedy.
+    process, model, filter, keep_factors : as for `nrdob.NRDOB`
+        G, Gm and F, with the same refusals.
 
     Examples
     --------
@@ -346,20 +334,8 @@ class LoopEquations(_ObserverMaps):
 
     Parameters
     ----------
-    process, model : control.TransferFunction, StateSpace, DelayedTransferFunction or (num, den)
-        G and Gm, proper, with or without dead time.
-    controller : control.TransferFunction, StateSpace, number or (num, den)
-        C, proper.
-    filter : LowPassFilter, or a stable proper block with F(0) = 1
-        F, of at least the model's relative degree, so that F/model is causal.
-    keep_factors : bool
-        Whether what F/model and (1 - F)·model share with themselves is kept, because 1 - F, the
-        model and its inverse are built as blocks of their own.
-
-    Raises
-    ------
-    TypeError, ValueError
-        If a block cannot stand where it is put; the message names the block and the remedy.
+    process, model, controller, filter, keep_factors : as for `nrdob.NRDOB`
+        G, Gm, C and F, with the same refusals.
     """
 
     process: Any
@@ -402,13 +378,10 @@ class LoopEquations(_ObserverMaps):
     C = _Map("Nc", "Dc", "The controller.")
     CGm = _Map("Nc Nm", "Dc Dm", "Model loop C G̃, condition i; the model without its dead time.")
 
-    def _makers(self) -> dict[str, Callable[[], QuasiPolynomial]]:
+    @cached_property
+    def _factors(self) -> dict[str, QuasiPolynomial]:
         C = self.fractions.C
-        return super()._makers() | {
-            "Nc": lambda: QuasiPolynomial(C.num),
-            "Dc": lambda: QuasiPolynomial(C.den),
-            "A": lambda: self.p_A,
-        }
+        return super()._factors | {"Nc": QuasiPolynomial(C.num), "Dc": QuasiPolynomial(C.den)}
 
 
 def _shared(model: QuasiPolynomial, filter: QuasiPolynomial, *, keep: bool) -> Shared:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import comb, isfinite, log10, sqrt
+from math import comb, log10, sqrt
 from typing import Any
 
 import control as ct
@@ -31,11 +31,9 @@ class LowPassFilter:
 
     Raises
     ------
-    ValueError
-        If `time_constant` is not positive and finite, `order` is below 1, or a coefficient leaves
-        the range of floating-point numbers.
-    TypeError
-        If `time_constant` is no real number, or `order` no whole one.
+    TypeError, ValueError
+        If `time_constant` is no real number, positive and finite, or `order` no whole one from 1
+        on; if a coefficient leaves the range of floating-point numbers.
 
     Examples
     --------
@@ -48,10 +46,8 @@ class LowPassFilter:
 
     def __post_init__(self) -> None:
         remedy = "F(s) = 1/(time_constant s + 1)^n needs a positive number of seconds"
-        seconds = real_number(self.time_constant, "time_constant", remedy)
+        seconds = real_number(self.time_constant, "time_constant", remedy, above=0.0)
         object.__setattr__(self, "time_constant", seconds)
-        if not (isfinite(seconds) and seconds > 0):
-            raise ValueError(f"time_constant is {seconds}; {remedy}")
         if not is_whole(self.order):
             raise TypeError(f"order is {self.order!r}; it counts lags and must be a whole number")
         if self.order < 1:

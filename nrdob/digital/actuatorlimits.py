@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from math import inf, isfinite, isinf
+from math import inf, isinf
 
 import numpy as np
 
@@ -106,11 +106,11 @@ def limited(limits: ActuatorLimits, dt: float) -> Rule:
 
 def rounded(resolution: float) -> Rule:
     """Round a signal as a converter does: whole multiples of its resolution, ties to even."""
-    if not (isfinite(resolution) and resolution > 0):
-        raise ValueError(
-            f"the resolution is {resolution:g}; it is one step of a converter, positive, in the "
-            "unit of the signal: leave it out if nothing is rounded"
-        )
+    remedy = (
+        "it is one step of a converter, positive, in the unit of the signal: leave it out if "
+        "nothing is rounded"
+    )
+    resolution = real_number(resolution, "the resolution", remedy, above=0.0)
 
     def apply(value: float, _: float) -> float:
         if abs(value) * FINEST < resolution:

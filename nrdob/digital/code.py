@@ -249,7 +249,6 @@ def _float(value: float) -> str:
 
 
 def _identifier(name: str) -> str:
-    """Make a name that C and Python allow."""
     if not isinstance(name, str) or not re.search(r"[A-Za-z]", name):
         raise ValueError(f"name is {name!r}; give a word to name the code by")
     allowed = re.sub(r"\W", "_", name, flags=re.ASCII).lstrip("_0123456789")

@@ -85,7 +85,6 @@ class DelayedPair:
         return complex(np.exp(complex(found.real, abs(found.imag) if apart else 0.0)))
 
     def _parts(self, angle: FloatArray) -> ComplexArray:
-        """P and Q z^-N at angles from 0 to π."""
         return np.stack([Product((self.P,))(angle), Product((self.Q,), self.samples)(angle)])
 
     def _newton(self, x: ComplexArray) -> ComplexArray:

@@ -15,7 +15,7 @@ Systems, 3rd ed., Prentice Hall 1997, 2.3).
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from math import floor, isfinite
+from math import floor
 
 import numpy as np
 from scipy.linalg import block_diag
@@ -109,16 +109,11 @@ def held_process(process: Fraction, delay: float, dt: float) -> HeldProcess:
 
 def checked_times(dt: float, computation_delay: float) -> tuple[float, float]:
     """Read sampling time and computation delay, in seconds, or refuse them."""
-    dt = real_number(dt, "dt", "give the sampling time in seconds as a number")
-    delay = real_number(computation_delay, "computation_delay", "give seconds as a number")
-    if not (isfinite(dt) and dt > 0):
-        raise ValueError(f"dt is {dt}; the sampling time is a positive, finite number of seconds")
-    if not (isfinite(delay) and delay >= 0):
-        raise ValueError(
-            f"computation_delay is {delay}; u is written some seconds after y is read: 0 or more, "
-            "and finite"
-        )
-    return dt, delay
+    dt = real_number(
+        dt, "dt", "the sampling time is a positive, finite number of seconds", above=0.0
+    )
+    remedy = "u is written a number of seconds after y is read: 0 or more, and finite"
+    return dt, real_number(computation_delay, "computation_delay", remedy, least=0.0)
 
 
 def in_samples(delay: float, dt: float) -> tuple[int, float]:

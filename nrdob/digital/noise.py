@@ -56,7 +56,6 @@ def _covariance(A: FloatArray, B: FloatArray) -> FloatArray:
 
 
 def _shaping(shaping: Any, dt: float) -> Any:
-    """Read a shaping filter: a number or a state space."""
     if is_number(shaping):
         value = complex(shaping)
         if value.imag or not np.isfinite(value):

@@ -44,12 +44,7 @@ class SampledLoop:
     ----------
     loop : LoopEquations
         In continuous time.
-    dt : float
-        Sampling time in seconds.
-    method : {"tustin", "zoh"}
-        How the blocks are sampled.
-    computation_delay : float
-        Time from reading y to writing u, in seconds.
+    dt, method, computation_delay : as for `nrdob.NRDOB.sampled`
     """
 
     loop: LoopEquations
@@ -173,10 +168,9 @@ class SampledLoop:
 
         Raises
         ------
-        ValueError
-            If the sampled loop is not stable, or W is not; or if W has another sampling time.
-        TypeError
-            If `shaping` is no block.
+        TypeError, ValueError
+            If the sampled loop is not stable, or W is not; if W is no block, or has another
+            sampling time.
         """
         return sampled_noise_variance(self.closed_loop, self.dt, shaping)
 

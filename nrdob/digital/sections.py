@@ -125,7 +125,6 @@ def at_rest(cascade: Sequence[Section], input: float, output: float) -> FloatArr
 
 
 def _leading_and_roots(factors: Sequence[FloatArray]) -> tuple[float, ComplexArray]:
-    """Leading coefficient and roots of a product."""
     leading, roots = zip(*(_factored(tuple(factor.tolist())) for factor in factors), strict=True)
     return float(np.prod(leading)), np.concatenate(roots)
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from math import inf, isfinite
+from math import inf
 from typing import Any
 
 import numpy as np
@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 from ..diagram import real_number
 from ..numerics import FloatArray
 
-__all__ = ["EXTERNAL", "Signal", "external_signals", "finite", "sample_times"]
+__all__ = ["EXTERNAL", "Signal", "external_signals", "sample_times"]
 
 Signal = ArrayLike | Callable[[FloatArray], ArrayLike]
 """A signal: a number, one value for each sample, or a function of the times."""
@@ -92,11 +92,8 @@ def external_signals(
     """
     columns = [_signal(inputs.get(name, 0.0), name, time) for name in EXTERNAL]
     if noise is None or np.ndim(noise) == 0:
-        deviation = finite(noise or 0.0, "noise", "give its standard deviation, or an array")
-        if deviation < 0:
-            raise ValueError(
-                f"noise is {deviation:g}; as a number it is a standard deviation, 0 or more"
-            )
+        remedy = "as a number it is a standard deviation, 0 or more: give one, or an array"
+        deviation = real_number(noise or 0.0, "noise", remedy, least=0.0)
         columns.append(deviation * np.random.default_rng(seed).standard_normal(time.size))
     else:
         columns.append(_signal(noise, "noise", time))
@@ -127,11 +124,3 @@ def _numbers(values: Any, name: str, remedy: str) -> FloatArray:
         return np.asarray(values, dtype=float)
     except (TypeError, ValueError):
         raise TypeError(f"{name} is {values!r:.60}; give {remedy}") from None
-
-
-def finite(value: Any, name: str, remedy: str) -> float:
-    """Read a finite number, or raise with the remedy."""
-    number = real_number(value, name, remedy)
-    if not isfinite(number):
-        raise ValueError(f"{name} is {number}; {remedy}")
-    return number

@@ -13,7 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from math import ceil, log
+from math import ceil, inf, log
 from typing import Any
 
 import control as ct
@@ -23,13 +23,13 @@ from scipy.linalg import solve_triangular
 from scipy.sparse import csr_array
 from scipy.sparse.linalg import matrix_power
 
-from ..diagram import INPUTS
+from ..diagram import INPUTS, real_number
 from ..numerics import BoolArray, FloatArray
 from .actuatorlimits import Rule
 from .closedloop import ClosedLoop, Recursion
 from .controller import SampledController
 from .hold import WHOLE, HeldProcess
-from .signals import EXTERNAL, finite
+from .signals import EXTERNAL
 
 __all__ = ["SimulatedResponse", "run", "sampled_step_response", "simulated"]
 
@@ -93,7 +93,7 @@ def simulated(
     states: FloatArray = np.zeros(len(loop.recursion.A))
     before = [0.0] * len(rules)
     if start is not None:
-        u = finite(start, "start", "give the constant u to take over from")
+        u = real_number(start, "start", "give the constant u to take over from", above=-inf)
         *converter, _ = rules
         states, measured = loop.at_rest(
             u, external[0], lambda y: converter[0].apply(y, y) if converter else y

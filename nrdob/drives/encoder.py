@@ -62,13 +62,11 @@ class Encoder:
     counts: float
 
     def __post_init__(self) -> None:
-        counts = real_number(self.counts, "counts", "give the counts in a turn as a number")
-        if not 1 <= counts < inf:
-            raise ValueError(
-                f"counts is {counts:g}; an encoder has at least one count in a turn, four for each "
-                "line of its disc: leave the encoder out (None) for an angle without steps"
-            )
-        object.__setattr__(self, "counts", counts)
+        remedy = (
+            "an encoder has at least one count in a turn, four for each line of its disc: leave "
+            "the encoder out (None) for an angle without steps"
+        )
+        object.__setattr__(self, "counts", real_number(self.counts, "counts", remedy, least=1.0))
 
     @property
     def step(self) -> float:

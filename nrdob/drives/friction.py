@@ -19,7 +19,7 @@ compensation methods for the control of machines with friction, Automatica 30 (1
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import asin, cos, inf, pi, sin
+from math import asin, cos, pi, sin
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -56,16 +56,14 @@ class Friction:
     viscous: float = 0.0
 
     def __post_init__(self) -> None:
+        remedy = (
+            "friction takes energy out, so it must be a number, 0 or more and finite: give its "
+            "size, the sign follows the speed"
+        )
         for name, given in vars(self).copy().items():
             if given is None:
                 continue
-            value = real_number(given, name, "give it as a number")
-            if not 0 <= value < inf:
-                raise ValueError(
-                    f"{name} is {value:g}; friction takes energy out, so it must be 0 or more and "
-                    "finite: give its size, the sign follows the speed"
-                )
-            object.__setattr__(self, name, value)
+            object.__setattr__(self, name, real_number(given, name, remedy, least=0.0))
         if self.breakaway < self.coulomb:
             raise ValueError(
                 f"stiction is {self.breakaway:g} N m, below the Coulomb friction of "

@@ -11,7 +11,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from math import inf
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -152,9 +151,8 @@ class Drive:
         >>> bool(found.u[-5000:].max() > 0.14 and found.u[-5000:].min() < -0.14)
         True
         """
-        width = real_number(dead_band, "dead_band", "give a width in the unit of y, 0 or more")
-        if not 0 <= width < inf:
-            raise ValueError(f"dead_band is {width:g}; give a width in the unit of y, 0 or more")
+        remedy = "give a finite width in the unit of y, 0 or more"
+        width = real_number(dead_band, "dead_band", remedy, least=0.0)
         if "d" in inputs:
             raise ValueError("a drive has no disturbance at its output: give the load as 'delta'")
         code = sampled.code(limits, tracking_time=tracking_time)

@@ -521,7 +521,7 @@ def test_a_response_settles_where_the_continuous_one_does():
         ({"dt": 0.0}, ValueError, "dt is 0.0; the sampling time is a positive"),
         ({"dt": -1.0}, ValueError, "positive"),
         ({"dt": math.nan}, ValueError, "positive, finite"),
-        ({"dt": "1"}, TypeError, "give the sampling time in seconds"),
+        ({"dt": "1"}, TypeError, "the sampling time is a positive, finite number of seconds"),
         ({"computation_delay": -0.1}, ValueError, "0 or more"),
         ({"computation_delay": math.inf}, ValueError, "finite"),
         ({"method": "euler"}, ValueError, "choose one of tustin, zoh"),

@@ -222,7 +222,7 @@ def test_a_loop_that_runs_away_is_said_to():
     [
         ({"inputs": {"d": 1.0}}, "a drive has no disturbance at its output: give the load"),
         ({"inputs": {"load": 1.0}}, "'load' is no input"),
-        ({"dead_band": -1.0}, "dead_band is -1; give a width"),
+        ({"dead_band": -1.0}, "dead_band is -1.0; give a finite width"),
         ({"feedforward": [1.0, 2.0]}, "there are 101 samples"),
     ],
 )

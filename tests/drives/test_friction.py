@@ -48,7 +48,7 @@ def test_what_is_fed_forward_is_the_dry_friction_of_the_planned_speed():
     ("given", "message"),
     [
         ({"coulomb": -0.1}, r"coulomb is -0.1; friction takes energy out, .* give its size"),
-        ({"viscous": -1.0}, "viscous is -1; friction takes energy out"),
+        ({"viscous": -1.0}, "viscous is -1.0; friction takes energy out"),
         ({"coulomb": 0.1, "stribeck_speed": -1.0}, "stribeck_speed is -1"),
         ({"coulomb": float("nan")}, "coulomb is nan"),
         ({"coulomb": 0.15, "stiction": 0.1}, "stiction is 0.1 N m, below .* exchange them"),
@@ -66,5 +66,6 @@ def test_a_first_harmonic_needs_a_motion(amplitude):
 
 
 def test_a_text_is_no_friction():
-    with pytest.raises(TypeError, match=r"coulomb is '0\.1', a str; give it as a number"):
+    message = r"coulomb is '0\.1', a str; friction takes energy out, so it must be a number"
+    with pytest.raises(TypeError, match=message):
         Friction("0.1")
