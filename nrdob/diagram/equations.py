@@ -69,11 +69,12 @@ integrator of the model cancels, and k of them if F meets exp(θm s) up to the p
 
 Here (1 - exp(-θm s))/s is the integral of u over the last θm, a memory of that length and no more.
 It has to be built as that: a sum over the samples in a buffer, or an integral begun anew for every
-window. The difference of two integrators, of which one is θm late, has the same response, but it is
-not stable: what rounding, or a wrong start, once puts into it never leaves it again. That is the
-diagram with `keep_factors=True`. For p != 0, F(p) exp(-θm p) = 1 holds to rounding at best; in the
-right half plane the memory then grows from one end of its window to the other, and replacing its
-integral by a sum can make the loop unstable, however fine the steps. Such poles are kept.
+window. The difference of two integrators, of which one is θm late, or a running sum that adds the
+newest sample and takes off the oldest, has the same response, but it is not stable: what rounding,
+or a wrong start, once puts into the difference never leaves it again. That is the diagram with
+`keep_factors=True`. For p != 0, F(p) exp(-θm p) = 1 holds to rounding at best; in the right half
+plane the memory then grows from one end of its window to the other, and replacing its integral by a
+sum can make the loop unstable, however fine the steps. Such poles are kept.
 
 .. rubric:: References
 
