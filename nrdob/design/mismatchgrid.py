@@ -72,8 +72,8 @@ class Frequencies:
         m, size = mismatch.excess, np.log10(abs(mismatch.b[0] / mismatch.a[0]))
         if 0 <= m < n:
             last = min((size / n + fastest) * n / (n - m), LAST_DECADE)
-        (b0, zeros), (a0, poles) = (_lowest_term(p) for p in (mismatch.b, mismatch.a))
-        m, size = zeros - poles, np.log10(abs(b0 / a0))
+        b, a = (np.trim_zeros(p, "b") for p in (mismatch.b, mismatch.a))  # the lowest terms last
+        m, size = m - (b.size - a.size), np.log10(abs(b[-1] / a[-1]))
         if -n < m <= 0:
             first = max((slowest - size / n) * n / (n + m), -LAST_DECADE)
         return first, last
@@ -134,9 +134,3 @@ class Frequencies:
             )
         turns = np.arange(step, last, step)
         return np.union1d(omega[omega <= last], turns[~self.mismatch.at_pole(turns)])
-
-
-def _lowest_term(p: FloatArray) -> tuple[float, int]:
-    """Coefficient and power of the lowest term of a polynomial."""
-    power = QuasiPolynomial(p).zeros_at_origin
-    return float(p[p.size - 1 - power]), power
