@@ -7,11 +7,11 @@ The bounds are derived in the chapter on rules of thumb, the prices in the one o
 
 from __future__ import annotations
 
-from math import comb, cos, isfinite, pi, sin, sqrt, tan
+from math import comb, cos, pi, sin, sqrt, tan
 
 from scipy.optimize import brentq
 
-from ..diagram import LowPassFilter
+from ..diagram import LowPassFilter, real_number
 from .fastandslow import gain_bound
 
 __all__ = [
@@ -174,5 +174,4 @@ def _check(value: float, name: str, order: int, largest: int) -> None:
             f"order is {order}; the closed form is for orders up to {largest}: use "
             "stabilizing_time_constants"
         )
-    if not (isfinite(value) and value > 0):
-        raise ValueError(f"{name} is {value}; it must be positive and finite")
+    real_number(value, name, "it must be positive and finite", above=0.0)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from itertools import product
-from math import asin, atan, ceil, degrees, inf, isfinite, log, log10, radians, sin, tan
+from math import asin, atan, ceil, degrees, inf, log, log10, radians, sin, tan
 from typing import Any
 
 import control as ct
@@ -129,10 +129,8 @@ def design_controller(
     if bandwidth is None:
         best = _largest_integral_gain(fraction, phase_margin)
         return _calmed(fraction, best, phase_margin, inf if max_ms is None else max_ms).controller
-    if not (isfinite(bandwidth) and bandwidth > 0):
-        raise ValueError(
-            f"bandwidth is {bandwidth}; it is a frequency in rad/s, positive and finite"
-        )
+    remedy = "it is a frequency in rad/s, positive and finite"
+    bandwidth = real_number(bandwidth, "bandwidth", remedy, above=0.0)
     missing = {sign: _missing_phase(fraction, bandwidth, phase_margin, sign) for sign in (1, -1)}
     tried = [
         _design(fraction, bandwidth, phase, sign)

@@ -22,7 +22,6 @@ PER_TURN = 24  # frequencies to each turn of the dead time
 
 MAX_FREQUENCIES = 2_000_000
 
-AT_ONCE = 6  # frequencies at which roots are found at once
 TURNS = 32  # turns of the dead time over which the default floor resolves critical λ
 FASTEST = 1000  # how many times faster than the dead time a filter of the default range may be
 
@@ -73,8 +72,8 @@ class Frequencies:
         m, size = mismatch.excess, np.log10(abs(mismatch.b[0] / mismatch.a[0]))
         if 0 <= m < n:
             last = min((size / n + fastest) * n / (n - m), LAST_DECADE)
-        (b0, zeros), (a0, poles) = (_lowest_term(p) for p in (mismatch.b, mismatch.a))
-        m, size = zeros - poles, np.log10(abs(b0 / a0))
+        b, a = (np.trim_zeros(p, "b") for p in (mismatch.b, mismatch.a))  # the lowest terms last
+        m, size = m - (b.size - a.size), np.log10(abs(b[-1] / a[-1]))
         if -n < m <= 0:
             first = max((slowest - size / n) * n / (n + m), -LAST_DECADE)
         return first, last
@@ -88,7 +87,8 @@ class Frequencies:
             return 0.0
         last = 2 * pi * TURNS / longest
         beyond = np.append(last, self.base[self.base > last])
-        return max(self._highest(beyond), longest / FASTEST, 1.001 * self.neutral_limit)
+        highest = float(last_root(mismatch.off_gain(beyond)).max())
+        return max(highest, longest / FASTEST, 1.001 * self.neutral_limit)
 
     @cached_property
     def neutral_limit(self) -> float:
@@ -110,27 +110,13 @@ class Frequencies:
             )
         return float(positive_roots(square).max(initial=0.0))
 
-    # The roots of a polynomial at each frequency are dear; of few it must be known what they are.
-
     def _last_above(self, omega: FloatArray, floor: float, gain: float) -> int:
         """Give the number of the last frequency at which λ may exceed a floor; -1 for none."""
         columns = self.mismatch.off_gain(omega, gain)
+        # Roots are dear: at most frequencies a bound tells that there is none beyond the floor.
         possible = np.flatnonzero(~none_beyond(columns, floor))
-        for first in range(possible.size, 0, -AT_ONCE):
-            some = possible[max(first - AT_ONCE, 0) : first]
-            found = some[last_root(columns[:, some]) > floor]
-            if found.size:
-                return int(found[-1])
-        return -1
-
-    def _highest(self, omega: FloatArray) -> float:
-        """Bound the critical λ of all these frequencies."""
-        columns, highest = self.mismatch.off_gain(omega), 0.0
-        while columns.shape[1]:
-            highest = max(highest, float(last_root(columns[:, :AT_ONCE]).max()))
-            columns = columns[:, AT_ONCE:]
-            columns = columns[:, ~none_beyond(columns, highest)]
-        return highest
+        found = possible[last_root(columns[:, possible]) > floor]
+        return int(found[-1]) if found.size else -1
 
     def above(self, floor: float, gain: float = 1.0) -> FloatArray:
         """Frequencies at which λ above a floor may be critical, or L as large as a gain."""
@@ -148,9 +134,3 @@ class Frequencies:
             )
         turns = np.arange(step, last, step)
         return np.union1d(omega[omega <= last], turns[~self.mismatch.at_pole(turns)])
-
-
-def _lowest_term(p: FloatArray) -> tuple[float, int]:
-    """Coefficient and power of the lowest term of a polynomial."""
-    power = QuasiPolynomial(p).zeros_at_origin
-    return float(p[p.size - 1 - power]), power

@@ -8,7 +8,7 @@ does not change; it is counted there by the argument of p_B, which knows nothing
 from __future__ import annotations
 
 from itertools import pairwise
-from math import inf, isfinite
+from math import inf
 from typing import Any
 
 import numpy as np
@@ -177,10 +177,8 @@ def _checked_floor(frequencies: Frequencies, floor: float | None) -> float:
     """Return the floor asked for, or the default; an error for one that cannot be."""
     if floor is None:
         return 0.0 if _matched(frequencies) else frequencies.lowest_floor
-    remedy = "it is the smallest time constant of interest, in seconds, or None"
-    floor = real_number(floor, "floor", remedy)
-    if not (isfinite(floor) and floor > 0):
-        raise ValueError(f"floor is {floor}; {remedy}: it must be positive and finite")
+    remedy = "it is the smallest time constant of interest in seconds, positive and finite, or None"
+    floor = real_number(floor, "floor", remedy, above=0.0)
     if floor <= frequencies.neutral_limit:
         raise ValueError(
             f"floor is {floor:g} s, but with dead time and order "

@@ -30,11 +30,10 @@ import numpy as np
 
 from ..diagram import as_fraction, nonzero
 from ..numerics import FloatArray, QuasiPolynomial, add, count_rhp, shared_factor, written
-from .existence import Answer, roots_by_side
+from .columns import positive_roots
+from .existence import Answer
 
 __all__ = ["ObserverForm", "observer_form", "stable_model_exists"]
-
-REAL = 1e-7  # imaginary part of a root, against its size, that may be rounding
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -190,6 +189,4 @@ def _block(num: FloatArray, den: FloatArray, constant: float) -> ct.TransferFunc
 
 def _real_right(p: QuasiPolynomial) -> list[float]:
     """Real roots with Re s >= 0, increasing."""
-    right, axis = roots_by_side(p.q)
-    real = right.real[np.abs(right.imag) <= REAL * np.abs(right)]
-    return sorted([*real.tolist(), *[0.0] * int(np.sum(axis == 0))])
+    return [*[0.0] * p.zeros_at_origin, *positive_roots(p.q).tolist()]

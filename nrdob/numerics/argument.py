@@ -216,11 +216,10 @@ def argument_change(terms: Sequence[Term], scale: FloatArray, origin: int = 1) -
 
 
 def zero_free_frequencies(terms: Sequence[Term], scale: FloatArray, origin: int = 1) -> FloatArray:
-    """Frequencies between which the argument provably changes by less than half a revolution.
+    """Frequencies of `nrdob.numerics.frequency_segments`.
 
-    In rad/s, increasing, from 0 to where the leading term dominates. It may change by more around a
-    zero on the axis, within rounding, and with a dominant term's dead time where over
-    `MAX_SEGMENTS` frequencies would be needed.
+    The argument may change by more around a zero on the axis, within rounding, and with a dominant
+    term's dead time where over `MAX_SEGMENTS` frequencies would be needed.
     """
     if terms[0].q.size == 1:
         return np.zeros(1)

@@ -60,31 +60,17 @@ def rhp_count(p: Whole) -> int | None:
     n = len(p) - 1
     # j^k c_k: signs + + - - for the powers k = 0, 1, 2, 3; either part has every other power only.
     signed = [-c if (n - i) % 4 >= 2 else c for i, c in enumerate(p)]
-    every, other = (_stripped(signed[first::2]) for first in (0, 1))
-    chain = _routh(every, other, n % 2)
-    leads = [(1 if part[0] > 0 else -1, odd) for part, odd in chain]
-    ahead = _sign_changes([sign for sign, _ in leads])
-    index = _sign_changes([-sign if odd else sign for sign, odd in leads]) - ahead
-    part, odd = chain[-1]  # holds the roots that come with their mirror image in the axis
-    m = 2 * len(part) - 2 + odd
+    every, other = ([0 if (i - first) % 2 else c for i, c in enumerate(signed)] for first in (0, 1))
+    chain = sturm_chain(every, _stripped(other))
+    index = _changes_at_infinity(chain, -1) - _changes_at_infinity(chain, 1)
+    shared = chain[-1]  # holds the roots that come with their mirror image in the axis
+    m = len(shared) - 1
     if m:
-        shared = [0] * (m + 1)
-        shared[::2] = part
         own = sturm_chain(shared, _derivative(shared))
         if _changes_at_infinity(own, -1) != _changes_at_infinity(own, 1):
             return None
     turns = index if n % 2 else -index
     return (n - m - turns) // 2 + m // 2
-
-
-def _routh(a: Whole, b: Whole, odd: int) -> list[tuple[Whole, int]]:
-    """Sturm's chain of an even and an odd polynomial, by every other coefficient; with parity."""
-    chain = [(a, odd)]
-    while b:
-        a, b = b, _negative_remainder(a, b, len(b) + 1 - odd)
-        odd = 1 - odd
-        chain.append((a, odd))
-    return chain
 
 
 def squared_size(p: Whole) -> Whole:
@@ -134,14 +120,13 @@ def sturm_chain(a: Whole, b: Whole) -> list[Whole]:
     chain = [a]
     while b:
         chain.append(b)
-        a, b = b, _negative_remainder(a, b, len(b))
+        a, b = b, _negative_remainder(a, b)
     return chain
 
 
-def _negative_remainder(a: Whole, b: Whole, least: int) -> Whole:
-    """Divide while `least` coefficients are left of a."""
+def _negative_remainder(a: Whole, b: Whole) -> Whole:
     lead, sign = abs(b[0]), 1 if b[0] > 0 else -1
-    while len(a) >= least:
+    while len(a) >= len(b):
         factor = sign * a[0]
         pairs = zip_longest(a[1:], b[1:], fillvalue=0)
         a = _stripped([lead * x - factor * y for x, y in pairs])

@@ -55,13 +55,8 @@ def count_rhp(p: QuasiPolynomial) -> RootCount:
     """
     p = p.finite_part
     ratio = p.neutral_ratio
-    if p.more and ratio > 1 - ROUNDING:
+    if ratio > 1 - ROUNDING:
         return _chains(p, ratio)
-    if abs(ratio - 1) <= ROUNDING:
-        return RootCount(None, "neutral with |r/q| = 1 at infinite frequency: a chain of roots "
-                               "comes arbitrarily close to the imaginary axis")  # fmt: skip
-    if ratio > 1:
-        return RootCount(inf, at_least=inf)
     try:
         change = p.argument_change
     except ArithmeticError as error:
@@ -78,13 +73,15 @@ def count_rhp(p: QuasiPolynomial) -> RootCount:
 
 
 def _chains(p: QuasiPolynomial, ratio: float) -> RootCount:
-    """Judge chains of roots of an equation with several delays whose delayed terms are so large."""
-    leading = [abs(term.q[0]) for term in p.terms if term.q.size == p.degree + 1]
-    if p.q.size <= p.degree or max(leading[1:]) > (1 + ROUNDING) * (sum(leading) - max(leading)):
+    """Judge chains of roots where the delayed terms together are as large as the other one."""
+    most = max(term.q.size for term in p.terms)
+    leading = [abs(term.q[0]) for term in p.terms if term.q.size == most]
+    if p.q.size < most or max(leading[1:]) > (1 + ROUNDING) * (sum(leading) - max(leading)):
         return RootCount(inf, at_least=inf)
     return RootCount(None, (
         f"neutral, the sizes of its delayed terms at infinite frequency add up to {ratio:.4g}, not "
-        "below 1: the smallest change of a dead time may make a chain of roots unstable"
+        "below 1: a chain of roots comes arbitrarily close to the imaginary axis, or the smallest "
+        "change of a dead time may make it unstable"
     ))  # fmt: skip
 
 

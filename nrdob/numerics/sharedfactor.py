@@ -14,6 +14,7 @@ from collections.abc import Iterator
 from typing import NamedTuple
 
 import numpy as np
+from scipy.sparse.csgraph import connected_components
 
 from .arrays import ROUNDING, BoolArray, ComplexArray, FloatArray, IntArray
 from .coefficients import convolution_matrix
@@ -141,18 +142,12 @@ def _sizes_at(p: QuasiPolynomial, s: ComplexArray) -> FloatArray:
 
 def _neighbourhoods(near: BoolArray) -> Iterator[tuple[IntArray, IntArray]]:
     """Rows and columns that hang together, as connected parts of a graph."""
-    left = near.any(axis=1)
-    while left.any():
-        rows = np.zeros(near.shape[0], dtype=bool)
-        rows[np.argmax(left)] = True
-        while True:
-            columns = near[rows].any(axis=0)
-            more: BoolArray = np.any(near[:, columns], axis=1)
-            if (more == rows).all():
-                break
-            rows = more
-        left &= ~rows
-        yield np.flatnonzero(rows), np.flatnonzero(columns)
+    edges = np.zeros((sum(near.shape),) * 2)
+    edges[: near.shape[0], near.shape[0] :] = near
+    part = connected_components(edges, directed=False)[1]
+    of_rows, of_columns = np.split(part, near.shape[:1])
+    for k in np.intersect1d(of_rows, of_columns):
+        yield np.flatnonzero(of_rows == k), np.flatnonzero(of_columns == k)
 
 
 def _with_conjugates(roots: ComplexArray) -> ComplexArray:

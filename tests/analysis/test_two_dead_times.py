@@ -114,6 +114,9 @@ def test_one_delayed_term_that_outweighs_all_others_makes_endless_chains():
     p = QuasiPolynomial([1.0, 1.0], [2.5, 1.0], 1.0, more=(Term(np.array([1.0, 0.0]), 0.7),))
     assert count_rhp(p).count == math.inf
     assert judge("", (), p).stable is False
+    at_origin = QuasiPolynomial([1.0, 1.0], [-2.0, -2.0], 1.0, more=(Term(np.array([1.0]), 0.7),))
+    assert at_origin.zeros_at_origin == 1
+    assert count_rhp(at_origin).count == math.inf
 
 
 # Margins.
