@@ -97,7 +97,6 @@ def claims_beside(cell: dict[str, Any]) -> list[dict[str, Any]]:
 
 
 def new_cell(id: str, text: str) -> dict[str, Any]:
-    """Make a cell of Markdown."""
     return {"cell_type": "markdown", "id": id, "metadata": {}, "source": text}
 
 
@@ -109,7 +108,6 @@ def warn(faults: Iterable[str]) -> None:
 
 
 def check(app: Sphinx) -> None:
-    """Name what the chapters lack."""
     warn(faults_of_book(Path(app.srcdir) / CHAPTERS))
 
 
