@@ -37,7 +37,6 @@ class Question:
     """A question for class: what is asked, the choices, what each comes from, what follows."""
 
     chapter: str
-    deck: str
     title: str
     asks: str
     choices: dict[str, str]
@@ -54,7 +53,7 @@ class Question:
 def read_questions(folder: Path = NOTEBOOKS / "class") -> dict[str, Question]:
     """Read the questions of all weeks, by their chapters."""
     found = [
-        _read(f"{folder.name}/{path.name}", cells)
+        _read(cells)
         for path in sorted(folder.glob("*.ipynb"))
         for cells in split(nbformat.read(path, as_version=4).cells)
     ]
@@ -71,7 +70,7 @@ def _data(cell: Any) -> dict[str, str]:
     return dict(cell.metadata.get("slideshow", {}).get("data", {}))
 
 
-def _read(deck: str, cells: list[Any]) -> Question:
+def _read(cells: list[Any]) -> Question:
     kinds = [_data(cell).get("kind") for cell in cells]
     reveal, answer = kinds.index("reveal"), kinds.index("answer")
     texts = [
@@ -89,7 +88,6 @@ def _read(deck: str, cells: list[Any]) -> Question:
     (picture,) = _pictures(cells[reveal:answer])
     return Question(
         chapter=_data(cells[0])["chapter"],
-        deck=deck,
         title=title.partition(" ")[2].partition(" ")[2],
         asks=asks.strip(),
         choices=dict(CHOICE.findall("\n".join(texts[:reveal]))),
