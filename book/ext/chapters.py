@@ -15,7 +15,6 @@ from __future__ import annotations
 import base64
 import json
 import re
-import tomllib
 from collections.abc import Iterable
 from io import BytesIO
 from pathlib import Path
@@ -27,12 +26,12 @@ from sphinx.application import Sphinx
 from sphinx.environment import BuildEnvironment
 from sphinx.util import logging
 
-from explorable import fenced
+from explorable import places
 from nrdob.plotting.figure import PIXELS
 from predictions import KEY
 from shape import faults_of_book
 
-CHAPTERS, PLACES, PICTURES = "chapters", "explorables.toml", "predictions"
+CHAPTERS, PICTURES = "chapters", "predictions"
 BOOK = Path(__file__).resolve().parents[1]
 CHAPTER = re.compile(rf"{CHAPTERS}/(0?(\d+|[A-Z])_\w+)")
 
@@ -80,13 +79,12 @@ def ask(app: Sphinx, chapter: str, cells: list[dict[str, Any]]) -> None:
 
 def move(app: Sphinx, chapter: str, cells: list[dict[str, Any]]) -> None:
     """Lay what can be moved behind the question of a chapter, or its first figure."""
-    table = Path(app.srcdir) / PLACES
-    if place := tomllib.loads(table.read_text("utf-8")).get(chapter):
-        app.env.note_dependency(table)
+    if chapter in places(Path(app.srcdir)):
         about = [cell["metadata"] for cell in cells]
         questions = [k for k, each in enumerate(about) if KEY in each]
         figures = [k for k, each in enumerate(about) if "figure" in each.get("mystnb", {})]
-        cells.insert((questions + figures)[0] + 1, new_cell("explorable", fenced(place)))
+        text = f"```{{explorable}} {chapter}\n```"
+        cells.insert((questions + figures)[0] + 1, new_cell("explorable", text))
 
 
 def claims_beside(cell: dict[str, Any]) -> list[dict[str, Any]]:
@@ -99,7 +97,6 @@ def claims_beside(cell: dict[str, Any]) -> list[dict[str, Any]]:
 
 
 def new_cell(id: str, text: str) -> dict[str, Any]:
-    """Make a cell of Markdown."""
     return {"cell_type": "markdown", "id": id, "metadata": {}, "source": text}
 
 
@@ -111,7 +108,6 @@ def warn(faults: Iterable[str]) -> None:
 
 
 def check(app: Sphinx) -> None:
-    """Name what the chapters lack."""
     warn(faults_of_book(Path(app.srcdir) / CHAPTERS))
 
 

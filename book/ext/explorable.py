@@ -1,33 +1,31 @@
 """What can be moved on a page, without a kernel: a loop with sliders.
 
-    ```{explorable} 3
-    :range-lambda: 0.005 2
-    :last: 6
-
-    The caption.
+    ```{explorable} 05_how_slow_must_the_filter_be
     ```
 
-stands for Example 3 of the paper, `motor` for a motor's speed under a load, with the observer and
-without, `sampled` for the motor's speed loop on a processor, `adrc` for the same motor under linear
-ADRC, `proof` for Example 4 with the half planes that count its roots. With `:upwards: delay` or
-`gain` the page has a stability chart as well: λ across, this of the plant upwards. The page carries
-the coefficients of its blocks, which come from `nrdob.paper`, and a still picture for those without
-a script; the script computes the rest. Beside it ``{diagram} nrdob`` draws a block diagram of the
-package on a page that is no notebook.
+stands for what ``explorables.toml`` has under this name. There `shows = 3` is Example 3 of the
+paper, `motor` a motor's speed under a load, with the observer and without, `sampled` the motor's
+speed loop on a processor, `adrc` the same motor under linear ADRC, `proof` Example 4 with the half
+planes that count its roots. With `upwards = "delay"` or `"gain"` the page has a stability chart as
+well: λ across, this of the plant upwards. The page carries the coefficients of its blocks, which
+come from `nrdob.paper`, and a still picture for those without a script; the script computes the
+rest. Beside it ``{diagram} nrdob`` draws a block diagram of the package on a page that is no
+notebook.
 """
 
 from __future__ import annotations
 
 import base64
 import json
+import tomllib
 from dataclasses import dataclass, field, replace
 from html import escape
-from typing import Any, ClassVar
+from pathlib import Path
+from typing import Any
 
 import control as ct
 import numpy as np
 from docutils import nodes
-from docutils.parsers.rst import directives
 from sphinx.application import Sphinx
 from sphinx.util.docutils import SphinxDirective
 
@@ -42,6 +40,8 @@ SCRIPTS = tuple(
 AT_REST = {"gain": 1.0, "lag": 0.0, "zero": 0.0, "delay": 0.0}
 SLIDERS = ("lambda", "observer", "controller", "T", "gain", "lag", "zero", "delay")
 """What a slider may move, in the order of the page."""
+OTHERS = {"shows", "caption", "last", "upwards"}
+"""What an entry of the table says besides."""
 
 
 @dataclass(frozen=True)
@@ -135,12 +135,6 @@ def embedded(figure: Figure, kind: str) -> str:
     return f'<img class="{kind}" alt="{escape(figure.alt)}" src="data:image/png;base64,{picture}">'
 
 
-def limits(text: str) -> tuple[float, float]:
-    """Read the two ends of a slider."""
-    low, high = map(float, text.split())
-    return low, high
-
-
 def coefficients(loop: NRDOB) -> dict[str, Any]:
     """Give the loop's blocks as the script wants them, in descending powers of s."""
     found: dict[str, Any] = {"delay": loop.delay}
@@ -166,27 +160,28 @@ def carried(
     }
 
 
+def places(book: Path) -> dict[str, dict[str, Any]]:
+    """Read the table of what can be moved."""
+    return tomllib.loads((book / "explorables.toml").read_text("utf-8"))
+
+
 class Explorable(SphinxDirective):
-    """A figure that can be moved: the number of the example, the ends of the sliders."""
+    """A figure that can be moved."""
 
     required_arguments = 1
-    has_content = True
-    option_spec: ClassVar[dict[str, Any]] = {
-        **{f"range-{slider}": limits for slider in SLIDERS},
-        "last": float,
-        "upwards": directives.unchanged,
-    }
 
     def run(self) -> list[nodes.Node]:
-        upwards = self.options.get("upwards", "")
-        shown = scene(self.arguments[0])
+        place = places(Path(self.env.srcdir))[self.arguments[0]]
+        if unknown := place.keys() - {*OTHERS, *SLIDERS}:
+            raise self.error(f"an explorable has no {', '.join(sorted(unknown))}")
+        upwards = place.get("upwards", "")
+        shown = scene(str(place["shows"]))
         shown = shown.charted() if upwards else shown
-        given = {slider: self.options.get(f"range-{slider}") for slider in SLIDERS}
-        ranges = {slider: ends for slider, ends in given.items() if ends}
+        ranges = {slider: tuple(place[slider]) for slider in SLIDERS if slider in place}
         picture = embedded(still(shown, upwards, ranges), "explorable-still")
-        told = escape(json.dumps(carried(shown, upwards, ranges, self.options.get("last", 10.0))))
+        told = escape(json.dumps(carried(shown, upwards, ranges, place.get("last", 10.0))))
         html = f'<div data-explorable="{told}">{picture}</div>'
-        text, _ = self.parse_inline(" ".join(self.content))
+        text, _ = self.parse_inline(place["caption"])
         figure = nodes.figure(classes=["explorable"])
         figure += [nodes.raw("", html, format="html"), nodes.caption("", "", *text)]
         self.env.metadata[self.env.docname]["explorable"] = "yes"
@@ -201,16 +196,6 @@ class BlockDiagram(SphinxDirective):
     def run(self) -> list[nodes.Node]:
         drawn = getattr(diagrams, self.arguments[0])().plot()
         return [nodes.raw("", embedded(drawn, "diagram"), format="html")]
-
-
-def fenced(place: dict[str, Any]) -> str:
-    """Write an entry of `explorables.toml` as the directive."""
-    options = [
-        f":range-{name}: {value[0]} {value[1]}" if isinstance(value, list) else f":{name}: {value}"
-        for name, value in place.items()
-        if name not in ("shows", "caption")
-    ]
-    return "\n".join([f"```{{explorable}} {place['shows']}", *options, "", place["caption"], "```"])
 
 
 def add_scripts(app: Sphinx, page: str, _: str, _context: object, doctree: object) -> None:

@@ -170,7 +170,6 @@ def cut(text: str, most: int) -> str:
 
 
 def write_texts(app: Sphinx, folder: Path) -> None:
-    """Write the script beside the pages."""
     known = {
         "pages": {
             page: entry(page, app.env.get_doctree(page)) for page in sorted(app.env.found_docs)

@@ -16,7 +16,8 @@ from sphinx.application import Sphinx
 from sphinx.config import Config
 from sphinx.util.docutils import SphinxDirective
 
-from bundle import pack, to_run
+from bundle import to_run
+from nrdob_course.grading.platforms import pack
 from pages import on_html
 
 PAGE = "get"
@@ -85,7 +86,7 @@ def set_repository(app: Sphinx, config: Config) -> None:
 
 def write_archive(app: Sphinx, folder: Path) -> None:
     """Lay the notebooks, with all that runs them, beside the pages."""
-    pack(to_run(project_of(app)), folder / ARCHIVE)
+    pack(folder / ARCHIVE, dict(to_run(project_of(app))))
 
 
 def setup(app: Sphinx) -> dict[str, bool]:

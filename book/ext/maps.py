@@ -57,7 +57,6 @@ def told(minutes: int) -> str:
 
 
 def link(opening: Chapter, shown: str, page: str) -> nodes.Node:
-    """Lead to a chapter."""
     return addnodes.pending_xref(
         "", nodes.inline("", shown), reftype="doc", refdomain="std", refexplicit=True,
         reftarget=f"/{CHAPTERS}/{opening.stem}", refdoc=page,
@@ -77,7 +76,6 @@ class ChapterMap(SphinxDirective):
         return [found]
 
     def card(self, opening: Chapter) -> nodes.list_item:
-        """Make the card of one chapter."""
         after = f", after {', '.join(opening.needs)}" if opening.needs else ""
         number = nodes.inline("", opening.number, classes=["chapter-number"])
         named = number, nodes.Text(" "), link(opening, opening.title, self.env.docname)
@@ -129,7 +127,6 @@ def figures_in(notebook: Path) -> dict[str, int]:
 
 
 def table(folder: Path) -> str:
-    """Write the table."""
     pages = {path.stem: path for path in sorted(folder.glob("*.ipynb"))}
     equations = {page: equations_in(prose_of(path)) for page, path in pages.items()}
     figures = {page: figures_in(path) for page, path in pages.items()}

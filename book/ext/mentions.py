@@ -70,7 +70,6 @@ def resolve(
 
 
 def claim_link(id: str, page: str, beside: nodes.Element) -> nodes.Element:
-    """Make a link to the entry of a claim."""
     return link("claim", id, nodes.literal(id, id, classes=["claim-link"]), page, beside)
 
 

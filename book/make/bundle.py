@@ -9,8 +9,8 @@ import sys
 from collections.abc import Iterator
 from itertools import chain
 from pathlib import Path
-from zipfile import ZIP_DEFLATED, ZipFile, ZipInfo
 
+from nrdob_course.grading.platforms import pack
 from pages import ROOT, options
 
 TO_RUN = (
@@ -20,39 +20,30 @@ TO_RUN = (
 )  # fmt: skip
 """The notebooks with their outputs, the packages, and what installs them."""
 
-LONG_AGO = (1980, 1, 1, 0, 0, 0)
-"""The time of every file, so that the same book gives the same file."""
+FOLDER = "nrdob-book"
+"""In which all of it lies when an archive is unpacked."""
 
 
 def to_run(project: Path = ROOT) -> Iterator[tuple[str, Path]]:
     """Give what a notebook needs: the name in the archive, and the file."""
     for pattern in TO_RUN:
-        for path in sorted(project.glob(pattern)):
+        for path in project.glob(pattern):
             if path.is_file() and "__pycache__" not in path.parts:
-                yield path.relative_to(project).as_posix(), path
+                yield f"{FOLDER}/{path.relative_to(project).as_posix()}", path
 
 
 def site(folder: Path) -> Iterator[tuple[str, Path]]:
     """Give the pages of the book, in a folder of their own."""
-    for path in sorted(folder.rglob("*")):
+    for path in folder.rglob("*"):
         if path.is_file() and path.suffix != ".zip":  # a page leads to an archive of its own
-            yield f"book/{path.relative_to(folder).as_posix()}", path
-
-
-def pack(files: Iterator[tuple[str, Path]], target: Path) -> None:
-    """Write files into an archive, all of them in one folder."""
-    target.parent.mkdir(parents=True, exist_ok=True)
-    with ZipFile(target, "w", ZIP_DEFLATED) as archive:
-        for name, path in files:
-            entry = ZipInfo(f"nrdob-book/{name}", LONG_AGO)
-            archive.writestr(entry, path.read_bytes(), ZIP_DEFLATED)
+            yield f"{FOLDER}/book/{path.relative_to(folder).as_posix()}", path
 
 
 def main() -> None:
     given = options(__doc__, None, site=ROOT / "build/html", output=ROOT / "build/nrdob-book.zip")
     if not (given.site / "index.html").exists():
         sys.exit(f"There is no book in {given.site}. Build it first: make book")
-    pack(chain(site(given.site), to_run()), given.output)
+    pack(given.output, dict(chain(site(given.site), to_run())))
     print(f"Everything is in {given.output}, {given.output.stat().st_size / 1e6:.0f} MB")
 
 

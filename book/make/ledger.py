@@ -103,15 +103,11 @@ def part_of(id: str) -> str | None:
 
 def by_part(entries: Sequence[Entry]) -> dict[str, list[Entry]]:
     """Group the entries by part of the paper, in its order."""
-    groups: dict[str, list[Entry]] = {part: [] for part in PARTS}
-    for entry in entries:
-        if part := part_of(entry.claim.id):
-            groups[part].append(entry)
+    groups = {part: [e for e in entries if part_of(e.claim.id) == part] for part in PARTS}
     return {part: members for part, members in groups.items() if members}
 
 
 def count(entries: Sequence[Entry], verdict: Verdict) -> int:
-    """Count the entries with a verdict."""
     return sum(entry.verdict is verdict for entry in entries)
 
 

@@ -43,7 +43,6 @@ TEMPLATES.filters |= {
 
 
 def render(name: str, **given: Any) -> str:
-    """Write a page."""
     return TEMPLATES.get_template(f"{name}.j2").render(**given)
 
 

@@ -52,7 +52,6 @@ def html(markdown: str) -> Markup:
 
 
 def code(source: str) -> Markup:
-    """Give program text as HTML."""
     return Markup(f"<pre>{escape(source.strip())}</pre>")
 
 
@@ -113,7 +112,6 @@ def sketch(diagram: diagrams.Diagram) -> Markup:
 
 
 def write(folder: Path) -> list[Path]:
-    """Write all pages into a folder."""
     pack = read_pack()
     pages = {"boards": ("In class: minutes and boards", boards(), "boards")}
     for each in pack.sets:

@@ -55,7 +55,6 @@ class Part(NamedTuple):
 
 
 def read(page: Path) -> BeautifulSoup:
-    """Read a page of the site."""
     return BeautifulSoup(page.read_text("utf-8"), "html.parser")
 
 

@@ -15,7 +15,7 @@ from typing import Any, NamedTuple
 
 import nbformat
 
-from pages import NOTEBOOKS, keep, options
+from pages import NOTEBOOKS, keep, options, render
 
 KEY = "prediction"
 """The metadata of a cell that is made here: the chapter of its question."""
@@ -37,7 +37,6 @@ class Question:
     """A question for class: what is asked, the choices, what each comes from, what follows."""
 
     chapter: str
-    deck: str
     title: str
     asks: str
     choices: dict[str, str]
@@ -54,7 +53,7 @@ class Question:
 def read_questions(folder: Path = NOTEBOOKS / "class") -> dict[str, Question]:
     """Read the questions of all weeks, by their chapters."""
     found = [
-        _read(f"{folder.name}/{path.name}", cells)
+        _read(cells)
         for path in sorted(folder.glob("*.ipynb"))
         for cells in split(nbformat.read(path, as_version=4).cells)
     ]
@@ -71,7 +70,7 @@ def _data(cell: Any) -> dict[str, str]:
     return dict(cell.metadata.get("slideshow", {}).get("data", {}))
 
 
-def _read(deck: str, cells: list[Any]) -> Question:
+def _read(cells: list[Any]) -> Question:
     kinds = [_data(cell).get("kind") for cell in cells]
     reveal, answer = kinds.index("reveal"), kinds.index("answer")
     texts = [
@@ -89,7 +88,6 @@ def _read(deck: str, cells: list[Any]) -> Question:
     (picture,) = _pictures(cells[reveal:answer])
     return Question(
         chapter=_data(cells[0])["chapter"],
-        deck=deck,
         title=title.partition(" ")[2].partition(" ")[2],
         asks=asks.strip(),
         choices=dict(CHOICE.findall("\n".join(texts[:reveal]))),
@@ -124,34 +122,7 @@ def in_html(markdown: str) -> str:
 
 def markdown(question: Question) -> str:
     """Write a question: its choices can be opened, each one tells what it comes from."""
-    end = "" if question.title.endswith("?") else "."
-    blocks = [
-        '<div class="prediction">',
-        f"**Predict before you read.** *{question.title}{end}*",
-        question.asks,
-        picture(question, "asked_with"),
-        "*Choose, then open your choice.*",
-    ]
-    for letter, choice in question.choices.items():
-        if letter == question.right:
-            further = folded(f"*And then:* {question.further}", question.further_answer)
-            shown = picture(question, "answered_with")
-            told = [f"**Yes:** {question.answer}.", question.why, shown, *further]
-        else:
-            told = [f"**No.** {letter} {question.wrong[letter]}"]
-        blocks += folded(f"**{letter}** {choice}", *told)
-    return "\n\n".join(block for block in [*blocks, "</div>"] if block)
-
-
-def folded(line: str, *behind: str) -> list[str]:
-    """Fold what stands behind a line."""
-    return [f"<details><summary>{in_html(line)}</summary>", *behind, "</details>"]
-
-
-def picture(question: Question, which: str) -> str:
-    """Show a picture that is attached to the cell, if the question has it."""
-    found = getattr(question, which)
-    return f"![{found.alt}](attachment:{which}.png)" if found else ""
+    return render("prediction.md", question=question, html=in_html).rstrip("\n")
 
 
 def put_into(notebook: Any, question: Question) -> None:

@@ -121,7 +121,6 @@ def _writing(cell: Any) -> float:
 
 
 def read_advice() -> dict[str, Advice]:
-    """Read what teachers know."""
     entries = tomllib.loads(ADVICE.read_text("utf-8"))
     for entry in entries.values():
         entry["trains"] = [text.partition(": ")[::2] for text in entry["trains"]]

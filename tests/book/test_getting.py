@@ -27,7 +27,7 @@ GITHUB, ELSEWHERE = "https://github.com/owner/name", "https://code.example.org/o
 @pytest.fixture(scope="module")
 def archive(tmp_path_factory: pytest.TempPathFactory) -> ZipFile:
     target = tmp_path_factory.mktemp("archive") / "notebooks.zip"
-    bundle.pack(bundle.to_run(), target)
+    bundle.pack(target, dict(bundle.to_run()))
     return ZipFile(target)
 
 
@@ -48,7 +48,7 @@ def test_the_archive_has_no_solution_of_a_set(archive: ZipFile):
 @pytest.mark.slow
 def test_the_same_book_gives_the_same_archive(tmp_path: Path):
     for name in ("one.zip", "two.zip"):
-        bundle.pack(bundle.to_run(), tmp_path / name)
+        bundle.pack(tmp_path / name, dict(bundle.to_run()))
     assert (tmp_path / "one.zip").read_bytes() == (tmp_path / "two.zip").read_bytes()
 
 

@@ -14,11 +14,12 @@ import numpy as np
 from scipy.optimize import brentq
 
 from nrdob.analysis import LoopStability, Margins, NyquistCount
-from nrdob.diagram import INPUTS, LowPassFilter, Quotient
+from nrdob.diagram import INPUTS, DelayedTransferFunction, LowPassFilter, Quotient
 from nrdob.loop import NRDOB
 from nrdob.numerics import FloatArray, number
 from nrdob.paper import PRINTED, PRINTED_FUNCTIONS, Printed, example
 from nrdob.plotting import complex_number, frequency, spoken
+from nrdob.reporting import formula
 
 from .ledger import Finding, Section
 from .signals import TO_OUTPUT, printed_map
@@ -130,7 +131,7 @@ def _gain(gain: Quotient, margins: Margins) -> tuple[bool, str]:
 def printed_text(id: str) -> str:
     """Write a printed transfer function in one line."""
     printed = PRINTED_FUNCTIONS[id]
-    return _fraction_text(np.array(printed.num), np.array(printed.den), printed.delay)
+    return formula(DelayedTransferFunction((printed.num, printed.den), printed.delay))
 
 
 def map_text(quotient: Quotient) -> str:
@@ -140,33 +141,7 @@ def map_text(quotient: Quotient) -> str:
     else:
         tf = quotient.to_tf()
         num, den = tf.num_array[0, 0], tf.den_array[0, 0]
-    return _fraction_text(num / den[0], den / den[0], quotient.delay)
-
-
-def _fraction_text(num: FloatArray, den: FloatArray, delay: float) -> str:
-    text = _polynomial_text(num)
-    if den.size > 1:
-        text = f"({text})/({_polynomial_text(den)})"
-    return text + (f" · exp(−{number(delay)}s)" if delay else "")
-
-
-def _polynomial_text(coefficients: FloatArray) -> str:
-    """Write a polynomial in descending powers of s.
-
-    >>> _polynomial_text(np.array([1.0, 0.0, -3.75])), _polynomial_text(np.array([-0.01, 1.0]))
-    ('s² − 3.75', '−0.01s + 1')
-    """
-    powers = ["", "s", "s²", "s³", "s⁴"][: coefficients.size][::-1]
-    size = float(np.abs(coefficients).max())
-    text = ""
-    for coefficient, power in zip(coefficients.tolist(), powers, strict=True):
-        if abs(coefficient) <= 1e-12 * size:
-            continue
-        digits = number(abs(coefficient), 6)
-        sign = "−" if coefficient < 0 else "+"
-        text += f" {sign} " if text else sign.replace("+", "")
-        text += power if power and digits == "1" else digits + power
-    return text
+    return formula(DelayedTransferFunction((num / den[0], den / den[0]), quotient.delay))
 
 
 def _function(id: str, which: int, printed_as: str) -> Finding:

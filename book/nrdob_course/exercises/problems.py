@@ -31,7 +31,8 @@ from .reading import as_given
 
 __all__ = [
     "BUDGET", "Case", "Feedback", "Lack", "Misconception", "Points", "Problem", "any_of",
-    "first_of", "lacking", "lacks_of", "pose", "put_right", "reading", "texts_of", "words",
+    "first_of", "lack_of", "lacking", "lacks_of", "pose", "put_right", "reading", "texts_of",
+    "words",
 ]  # fmt: skip
 
 Case = Any
@@ -314,10 +315,15 @@ def texts_of(module: str) -> dict[str, Any]:
     return tomllib.loads(file.read_text(encoding="utf-8"))
 
 
-def lacks_of(id: str, **values: Any) -> dict[str, str]:
-    """Say what the parts of an answer to a problem lack, by their names, with some values."""
+def lacks_of(id: str, *kinds: str, **values: Any) -> dict[str, str]:
+    """Say what answers to a problem lack, by kind, with some values: of some kinds, or of all."""
     said = texts_of(f"set{id.partition('.')[0]}")[id]["lacks"]
-    return {name: words(text).format(**values) for name, text in said.items()}
+    return {kind: words(said[kind]).format(**values) for kind in kinds or said}
+
+
+def lack_of(id: str, kind: str, **values: Any) -> Lack:
+    """Say what an answer to a problem lacks, with some values."""
+    return Lack(kind, lacks_of(id, kind, **values)[kind])
 
 
 def words(text: str) -> str:

@@ -33,8 +33,8 @@ VISIBLE_CASES, HIDDEN_CASES = 4, 8
 _SAID = {name: words(text) for name, text in texts_of("reviewing").items()}
 BLANK, NOTHING, SOMETIMES = (_SAID[name] for name in ("blank", "nothing", "sometimes"))
 ROUNDED, TOO_SLOW, HARD_CODED = (_SAID[name] for name in ("rounded", "too slow", "hard-coded"))
-HIDDEN, ENDED, OTHER = (_SAID[name] for name in ("hidden", "ended", "other"))
-NOT_NOW, NOBODY = (_SAID[name] for name in ("not now", "nobody"))
+HIDDEN, ENDED = (f"{_SAID[name]} {_SAID['find one']}" for name in ("hidden", "ended"))
+OTHER, NOT_NOW, NOBODY = (_SAID[name] for name in ("other", "not now", "nobody"))
 KEPT = 0.75  # share of the points for a right answer that was rounded
 
 

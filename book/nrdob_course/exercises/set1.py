@@ -21,7 +21,7 @@ from .cases import POINTS, LoopCase
 from .comparing import FOUR_DIGITS, near, rounds
 from .drawing import apart, draw, few, fitting
 from .figures import draw_gains
-from .problems import Lack, Misconception, first_of, lacking, pose, put_right, reading
+from .problems import Lack, Misconception, first_of, lack_of, lacking, pose, put_right, reading
 from .reading import UnreadableError, block, lowpass, number, numbers, polynomial, things
 
 __all__ = ["POLYNOMIAL", "READING", "SETTLED", "TWIN", "WISHES"]
@@ -92,10 +92,7 @@ def _unsatisfied(case: SettledCase, name: str, row: FloatArray) -> str:
     for line, (left, *terms) in lines.items():
         size = abs(left) + np.abs(terms).sum()
         if abs(left - sum(terms)) > FOUR_DIGITS * max(size, 0.1):  # no step but one, of size 1
-            return (
-                f"after a step of {name}, the line {line} is not satisfied, where F = 1: "
-                f"{left:.4g} on the left, {sum(terms):.4g} on the right"
-            )
+            return lack_of("1.1", "line", name=name, line=line, left=left, right=sum(terms))
     return ""
 
 
@@ -203,10 +200,7 @@ def _disturbance_to_output(case: PolynomialCase, s: complex) -> complex:
 def _polynomial_lacks(case: PolynomialCase, p: FloatArray) -> str:
     degree = case.D.size + case.Nm.size - 2 + case.order
     if p.size - 1 != degree:
-        return (
-            f"it has degree {p.size - 1}; plant, inverse model and filter together have "
-            f"{degree} modes, and all of them must be in p_B"
-        )
+        return lack_of("1.3", "degree", found=p.size - 1, degree=degree)
     # What S_d is divided by: S_d p_B must be the numerator D Nm (Df - 1), but for a constant.
     S_d = np.array([_disturbance_to_output(case, s) for s in POINTS])
     share = S_d / np.polyval(_first_term(case), POINTS)
@@ -214,10 +208,7 @@ def _polynomial_lacks(case: PolynomialCase, p: FloatArray) -> str:
     # Where terms cancel, four digits of each are fewer of the sum.
     slack = 2 * FOUR_DIGITS * np.abs(share) * np.polyval(np.abs(p), np.abs(POINTS))
     if np.any(np.abs(factor - factor[-1]) > slack):
-        return (
-            "S_d, solved from the diagram at a few s, is not D Nm (Df - Nf) divided by it; check "
-            "both terms of p_B, and their sign"
-        )
+        return lack_of("1.3", "terms")
     return ""
 
 
@@ -325,8 +316,7 @@ def _gain_lacks(case: SensitivityCase, got: float) -> str:
     slope = case.order * case.time_constant * case.model_gain / got
     if near(float(case.S_d[0]), slope * case.omega[0], READ_OFF):
         return ""
-    begins = f"with this gain |S_d| would begin as {slope:.3g} ω"
-    return f"{begins}; compare that with your figure, at its left end"
+    return lack_of("1.4", "slope", slope=slope)
 
 
 READING = pose(
@@ -404,8 +394,7 @@ def _twin_lacks(case: TwinCase, got: Twin) -> str:
     except (TypeError, ValueError) as error:
         return Lack("unusable" if same else "filter", f"this filter cannot be used: {error}")
     if not same:
-        words = f"at s = {POINTS[worst]:g} it is {abs(share[worst]):.3g} times it"
-        return Lack("K", f"the feedback K is not the same: {words}")
+        return lack_of("1.5", "K", s=POINTS[worst], times=abs(share[worst]))
     if twin.stability().observer_loop.stable is not True:
         return "K is the same, but p_B of the new loop is not stable"
     return ""

@@ -19,7 +19,7 @@ from nrdob.numerics import ComplexArray, FloatArray, QuasiPolynomial
 from .cases import LoopCase, UnstablePlant, alike, factored, mirrored, not_around, on_the_right, s
 from .comparing import same, unlike
 from .drawing import apart, draw, either_sign, few, first_fitting, kept
-from .problems import Lack, Misconception, first_of, lacking, lacks_of, pose, reading
+from .problems import Misconception, first_of, lack_of, lacking, lacks_of, pose, reading
 from .reading import number as one_number
 from .reading import numbers
 
@@ -117,10 +117,7 @@ TURNS = pose(
     case=_roots_case,
     reads=one_number,
     lacks=lambda case, got: (
-        ""
-        if same(_turns(case), got)
-        else "that many encirclements do not turn P = {1} poles into Z = {0} roots of p_B in the "
-        "right half plane".format(*_roots_and_poles(case))
+        "" if same(_turns(case), got) else lack_of("2.1", "turns", ZP=_roots_and_poles(case))
     ),
     misconceptions=TURN_MISTAKES,
 )
@@ -363,17 +360,16 @@ def _not_refuting(case: UnstablePlant, got: Any) -> str:
     if lack := not_around(case.process, got):
         return lack
     # After cancellation: what Lemma 1 read literally looks at.
-    for kind, term, open_loop in (("A", "C Gm", got.CGm), ("B", "FH", got.FH)):
+    for kind, open_loop in (("A", got.CGm), ("B", got.FH)):
         if np.any(ct.feedback(1, open_loop.to_tf()).poles().real >= 0):
-            words = "has an unstable zero, so the lemma does not call this loop stable"
-            return Lack(kind, f"1 + {term} {words}")
+            return lack_of("2.5", kind)
     verdict = got.stability().stable
     if verdict is None:
         return AT_A_BORDER
     if verdict:
-        return Lack("stable", "this loop is stable, as the lemma says")
+        return lack_of("2.5", "stable")
     if alike(got.G, got.Gm):
-        return Lack("matched", "the model is the plant itself, which was excluded")
+        return lack_of("2.5", "matched")
     return ""
 
 
@@ -457,22 +453,20 @@ def _not_held(case: DistantZero, got: Any) -> str:
     if verdict.observer_loop.stable:
         if verdict.stable is None:
             return AT_A_BORDER
-        return Lack("controller", "the controller does not stabilise the model (condition i)")
+        return lack_of("2.6", "controller")
     own = np.array([case.pole, case.zero])
     if np.any(np.abs(np.subtract.outer(verdict.observer_loop.roots, own)) < 1e-6 * own):
-        words = "the model shares an unstable root with the plant, which stays in the loop"
-        return Lack("shared", words)
+        return lack_of("2.6", "shared")
     if verdict.stable is None:
         return AT_A_BORDER
     if not right_half_plane_parity(got.process, got.model).holds:
-        return Lack("sign", "p_B has an odd number of unstable roots for every λ and n")
+        return lack_of("2.6", "sign")
     F = got.filter
     lowpass = isinstance(F, LowPassFilter)
     works = lowpass and stabilizing_time_constants(got.process, got.model, F.order)
     if not works:
-        return "with this model and order the filter does not stabilise p_B"
-    kind = "fast" if F.time_constant <= works[0][0] else "slow"
-    return Lack(kind, f"the filter is too {kind}, p_B has roots in the right half plane")
+        return lack_of("2.6", "filter")
+    return lack_of("2.6", "fast" if F.time_constant <= works[0][0] else "slow")
 
 
 UNTURNED = pose(

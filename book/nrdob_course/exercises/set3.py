@@ -22,7 +22,7 @@ from .cases import LoopCase, observer_stable
 from .comparing import LEEWAY, near, rounds, same
 from .drawing import apart, draw, few, first_fitting, fitting, kept
 from .figures import draw_gains
-from .problems import Lack, Misconception, first_of, lacking, pose, put_right, reading
+from .problems import Lack, Misconception, first_of, lack_of, lacking, pose, put_right, reading
 from .reading import lowpass, number, numbers
 
 __all__ = ["DELAY_MARGIN", "DESIGN", "GAIN", "NOISE_MAP", "PROMISE"]
@@ -52,10 +52,7 @@ def _broken(case: PeakCase, got: FloatArray) -> dict[str, str]:
     def lack(point: str, distance: float) -> str:
         if abs(distance * case.ms - 1) <= 1e-3:
             return ""
-        return (
-            f"{point} is at the distance {distance:.4g} from -1, not 1/Ms = {1 / case.ms:.4g}; "
-            "the curve may come as near as that, and no nearer"
-        )
+        return lack_of("3.1", "distance", point=point, distance=distance, wanted=1 / case.ms)
 
     chord = 2 * sin(radians(angle) / 2) if 0 < angle < 180 else -1.0
     return {
@@ -68,9 +65,9 @@ def _broken(case: PeakCase, got: FloatArray) -> dict[str, str]:
 def _promise_lacks(case: PeakCase, got: FloatArray) -> str:
     low, high, angle = map(float, got)
     if not 0 < low < 1 < high:
-        return "the loop is stable as it is: the lower gain is below 1 and the upper above"
+        return lack_of("3.1", "gains")
     if not 0 < angle < 180:
-        return "the angle is asked for in degrees, between 0 and 180"
+        return lack_of("3.1", "degrees")
     return first_of(_broken)(case, got)
 
 

@@ -39,7 +39,7 @@ from .cases import all_pole, factored, grid_peak, observer_stable
 from .comparing import LEEWAY, READING, near, rounds, same
 from .drawing import apart, draw, either_sign, few, fitting, kept
 from .figures import Peaks, draw_peaks
-from .problems import Lack, Misconception, any_of, lacking, pose, put_right
+from .problems import Lack, Misconception, any_of, lack_of, lacking, pose, put_right
 from .reading import block, lowpass, number, numbers, things, whole
 
 __all__ = ["BETTER", "CARD", "FASTEST_ORDER", "SLOW_FILTER", "THREE_PLANTS"]
@@ -244,10 +244,7 @@ def _read_well(case: OrdersCase, F: LowPassFilter) -> str:
     if ms > case.max_ms * (1 + READING / 2):
         return f"its Ms is {ms:.3g}"
     if F.bandwidth < (1 - READING) * max(fastest_of(case).values()):
-        return (
-            f"its bandwidth is {F.bandwidth:.3g} rad/s, and more can be had; read again where the "
-            "curves meet the line, or compute λ from the bandwidth again"
-        )
+        return lack_of("4.2", "slower", bandwidth=F.bandwidth)
     return ""
 
 

@@ -26,7 +26,7 @@ from .cases import UnstablePlant, factored, mirrored, not_around, observer_stabl
 from .comparing import near, rounds, same
 from .drawing import apart, draw, either_sign, few, first_fitting, fitting, kept
 from .figures import draw_crossing
-from .problems import Lack, Misconception, any_of, lacking, pose, reading
+from .problems import Lack, Misconception, any_of, lack_of, lacking, pose, reading
 from .reading import UnreadableError, block, numbers, things, whole
 from .reading import number as one_number
 
@@ -322,10 +322,7 @@ def _edge_lacks(case: FilterCase, got: Edge) -> str:
         return "a time constant is a positive number"
     low, high = (_stable(case, k * value) for k in (1 / NEAR_EDGE, NEAR_EDGE))
     if low is high:
-        return (
-            f"the verdict is the same on both sides of {value:.3g} s, so the edge is elsewhere. "
-            "Where the two curves cross, read x off the one and the frequency off the other"
-        )
+        return lack_of("5.4", "elsewhere", value=value)
     return "" if bool(low) is (side == "below") else "it is stable on the other side"
 
 
@@ -383,21 +380,19 @@ def _not_refuting(case: UnstablePlant, got: tuple[ct.TransferFunction, int]) -> 
     model, order = got
     roots = np.concatenate([model.poles(), model.zeros()])
     if np.any(roots.real >= 0):
-        return Lack("right", "the model has an unstable pole or zero; the advice asks for neither")
+        return lack_of("5.5", "right")
     falls = as_fraction(model, "model", proper=False).relative_degree
     if falls <= 2:
-        words = "the model must fall off faster than the plant"
-        return Lack("lags", f"{words}: that is what over-parametrised is for")
+        return lack_of("5.5", "lags")
     if order < falls:
-        return Lack("order", "F/model is not causal with this order")
+        return lack_of("5.5", "order")
     if not right_half_plane_parity(case.process, model).holds:
-        words = "the model has the wrong sign, so that no filter can work: that is not the advice"
-        return Lack("sign", words)
+        return lack_of("5.5", "sign")
     works = stabilizing_time_constants(case.process, model, order)
     small = works[0][0] / 2 if works else 0.01 / float(np.abs(roots).max())
     fast = (LowPassFilter(k * small, order) for k in (1.0, 0.1)) if small else ()
     if not small or any(observer_stable(case.process, model, F) for F in fast):
-        return Lack("works", "every filter that is fast enough stabilises this, as the advice says")
+        return lack_of("5.5", "works")
     return ""
 
 
@@ -642,11 +637,8 @@ def _waiting_lacks(case: DelayedCase, got: float) -> str:
     tolerated = _tolerated(case.order) * got
     if same(case.error, tolerated):
         return ""
-    if tolerated > case.error:
-        words = "it is stable, but a faster filter would be, too: this one tolerates"
-        return f"{words} {tolerated:.4g} s"
-    words = "there are dead times with which it is not stable: this filter tolerates an error of"
-    return f"{words} {tolerated:.4g} s, not of {case.error:g} s"
+    kind = "slow" if tolerated > case.error else "fast"
+    return lack_of("5.7", kind, tolerated=tolerated, error=case.error)
 
 
 WAITING = pose(

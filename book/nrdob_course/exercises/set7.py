@@ -21,7 +21,7 @@ from nrdob.numerics import FloatArray
 from .cases import not_around, s
 from .comparing import rounds, same, unlike
 from .drawing import apart, draw, few, first_fitting, fitting, kept
-from .problems import Lack, first_of, lacking, lacks_of, pose
+from .problems import Lack, first_of, lack_of, lacking, lacks_of, pose
 from .reading import UnreadableError, number, numbers, things
 
 __all__ = ["COUNTING", "DIFFERENCE", "PROGRAM", "REST", "SHAFT"]
@@ -490,8 +490,7 @@ def _shaft_shortcoming(case: ShaftCase, got: Any) -> str:
         return Lack("sag", f"the speed falls by {sag:.3g} rad/s for each N m")
     way = usual.simulate({"R": np.ones(SAMPLES)}).y
     if not (off := float(np.abs(way[REACHED:] - 1).max())) <= WITHIN:
-        words = f"after {REACHED} samples the speed is still up to {off:.1%} off the reference"
-        return Lack("rest", words)
+        return lack_of("7.6", "rest", samples=REACHED, off=off)
     return ""
 
 

@@ -34,6 +34,7 @@ from jupyter_client.kernelspec import KernelSpec
 from jupyter_core.utils import run_sync
 from nbclient.exceptions import DeadKernelError
 from nbformat.v4 import new_code_cell, new_output
+from nbformat.validator import isvalid
 from nbgrader.apps.api import NbGraderAPI
 from nbgrader.preprocessors import CheckCellMetadata, Execute, LimitOutput, SaveAutoGrades
 from nbgrader.utils import is_grade, is_solution, temp_attrs
@@ -352,21 +353,13 @@ NO_VERDICT = failure("NoPoints", "the test did not come to its end")
 
 
 def is_sound(output: Any) -> bool:
-    """Tell whether an output has the form that the notebook's format asks for."""
-    data, lines = output.get("data"), output.get("traceback")
-    match output.get("output_type"):
-        case "stream":
-            parts = [output.get("name"), output.get("text")]
-        case "error" if isinstance(lines, list):
-            parts = [output.get("ename"), output.get("evalue"), *lines]
-        case "display_data" | "execute_result" if isinstance(data, dict):
-            if not isinstance(output.get("metadata"), dict):
-                return False
-            texts = [text for kind, text in data.items() if "json" not in kind]
-            parts = [each for t in texts for each in (t if isinstance(t, list) else [t])]
-        case _:
-            return False
-    return all(isinstance(part, str) for part in parts)
+    """Tell whether an output has the form that the notebook's format asks for.
+
+    That of a stream may be a list of lines in a file, but nbgrader takes one text only.
+    """
+    if isinstance(output.get("text"), list):
+        return False
+    return bool(isvalid(output, ref="output", version=4, version_minor=5))
 
 
 def grade(root: Path, student: str, set_name: str) -> dict[str, Any]:

@@ -25,7 +25,7 @@ from ..running import kernel_environment
 from .children import Child, end
 from .submissions import Submission
 
-__all__ = ["Batch", "Outcome"]
+__all__ = ["Batch", "Outcome", "replace"]
 
 WORKER = f"{__package__}.autograde"
 FOUND = [str(Path(module.__file__ or "").resolve().parents[1]) for module in (nrdob, nrdob_course)]
@@ -111,10 +111,9 @@ class Batch:
             try:
                 for file in ("gradebook.db", "nbgrader_config.py"):
                     shutil.copy(self.root / file, private)
-                solutions = shutil.ignore_patterns("*.ipynb")
-                source = Path("source") / submission.set
-                shutil.copytree(self.root / source, private / source, ignore=solutions)
-                shutil.copytree(self.root / "submitted" / work, private / "submitted" / work)
+                source, submitted = Path("source") / submission.set, Path("submitted") / work
+                replace(self.root / source, private / source, "*.ipynb")  # which hold solutions
+                replace(self.root / submitted, private / submitted)
                 outcome.reason = self.run(private, student, submission.set)
                 if not outcome.reason:
                     self.take(private, work, outcome)
@@ -172,10 +171,10 @@ def last_line(text: str) -> str:
     return (named or lines or ["nothing was said"])[-1][:300]
 
 
-def replace(new: Path, old: Path) -> None:
+def replace(new: Path, old: Path, *left_out: str) -> None:
     """Put a folder in the place of another, and make it writable: nbgrader protects its files."""
     if old.exists():
         shutil.rmtree(old)
-    shutil.copytree(new, old)
+    shutil.copytree(new, old, ignore=shutil.ignore_patterns(*left_out))
     for path in [old, *old.rglob("*")]:
         path.chmod(path.stat().st_mode | 0o200)

@@ -148,7 +148,7 @@ def _built(data: Any) -> Any:
         return np.array([_built(each) for each in parts]).reshape(shape)
     if kind not in BUILD:
         raise ValueError(f"an answer cannot be read from {kind!r}")
-    return BUILD[kind]([_built(each) for each in parts])
+    return BUILD[kind](*map(_built, parts))
 
 
 def _filter(time_constant: Any, order: Any) -> LowPassFilter:
@@ -174,13 +174,8 @@ KINDS: dict[str, tuple[type, Callable[[Any], tuple[Any, ...]], Callable[..., Any
 }  # fmt: skip
 """What has parts of its own: its type, the parts, and what is built of them."""
 
-
-def _of_parts(build: Callable[..., Any]) -> Callable[[list[Any]], Any]:
-    return lambda parts: build(*parts)
-
-
-BUILD = {kind: _of_parts(build) for kind, (_, _, build) in KINDS.items()}
-BUILD |= {"list": list, "tuple": tuple}
+BUILD: dict[str, Callable[..., Any]] = {kind: build for kind, (_, _, build) in KINDS.items()}
+BUILD |= {"list": lambda *parts: [*parts], "tuple": lambda *parts: parts}
 
 
 # --- in the process of the student's code -------------------------------------------------------

@@ -17,6 +17,7 @@ from inspect import getsource
 from typing import Any
 
 from .. import exercises
+from ..exercises.reviewing import NOT_NOW
 from .encoding import packed
 
 __all__ = ["cut", "handout", "own_cases"]
@@ -34,6 +35,7 @@ def handout(problems: Iterable[str], group: Any) -> dict[str, Any]:
         "tools": sorted(TOOLS),
         "group": group,
         "cases": own_cases(problems, group),
+        "note": NOT_NOW,
     }
 
 

@@ -52,11 +52,6 @@ class Note(str):
     __repr__ = str.__str__
 
 
-def not_now(*any: Any, **more: Any) -> Note:
-    """Stand for `check`."""
-    return Note("Not checked while the notebook is graded: it would take the time of the grading.")
-
-
 class AnotherGroupError(LookupError):
     """The cases of another group are wanted; the grader sends them, and runs the cell again."""
 
@@ -66,7 +61,7 @@ class Graders(MetaPathFinder, Loader):
 
     def __init__(self, handout: dict[str, Any]) -> None:
         self.package, self.sources = handout["package"], handout["sources"]
-        self.tools = handout["tools"]
+        self.tools, self.note = handout["tools"], Note(handout["note"])
         self.cases: dict[tuple[str, str], str] = {}
         self.add(handout["group"], handout["cases"])
 
@@ -91,7 +86,8 @@ class Graders(MetaPathFinder, Loader):
         if module.__name__ != self.package:
             exec(compile(self.of(module.__name__), f"<{module.__name__}>", "exec"), vars(module))
             return
-        vars(module).update(check=not_now, own_case=self.own_case, add=self.add)
+        vars(module).update(own_case=self.own_case, add=self.add)
+        vars(module)["check"] = lambda *any, **more: self.note
         for beside, name in self.tools:
             vars(module)[name] = getattr(import_module(f"{self.package}.{beside}"), name)
 

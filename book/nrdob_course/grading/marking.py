@@ -159,7 +159,8 @@ def write_tally(path: Path, root: Path, found: Sequence[Line]) -> None:
     counts = mistakes(root, graded)
     by_set = {name: [line for line in graded if line.entry["set"] == name] for name in sets}
     parts = [_set(name, lines, counts) for name, lines in by_set.items()]
-    page = PAGES.get_template("class.html").render(sets=parts, nowhere=NOWHERE)
+    how = {"nowhere": NOWHERE, "number": number, "median": median}
+    page = PAGES.get_template("class.html").render(sets=parts, **how)
     path.write_text(page + "\n", "utf-8")
 
 
@@ -169,16 +170,12 @@ def _set(name: str, graded: list[Line], counts: Counter[tuple[str, str]]) -> dic
         given = shares.setdefault(problem_of(grade.name), [])
         if grade.max_score and not unmarked(grade):
             given.append(float(grade.score) / float(grade.max_score))
-    times = [line.entry.get("seconds", 0.0) for line in graded]
-    totals = [line.earned for line in graded]
     return {
         "name": name,
-        "said": (
-            f"{len(graded)} graded; {sum(bool(line.days) for line in graded)} late; points so far: "
-            f"median {number(median(totals))}, from {number(min(totals))} to "
-            f"{number(max(totals))} of {number(max(line.most for line in graded))}. Grading took "
-            f"{median(times):.0f} s each in the middle, {max(times):.0f} s at most."
-        ),
+        "late": sum(bool(line.days) for line in graded),
+        "totals": sorted(line.earned for line in graded),
+        "most": max(line.most for line in graded),
+        "times": sorted(line.entry.get("seconds", 0.0) for line in graded),
         "points": [
             {
                 "problem": problem,

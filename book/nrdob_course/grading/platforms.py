@@ -175,6 +175,7 @@ def _extract(
 
 def pack(path: Path, files: Mapping[str, Path]) -> None:
     """Write an archive of files, each under a name; the same files give the same bytes."""
+    path.parent.mkdir(parents=True, exist_ok=True)
     with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as packed:
         for name, file in sorted(files.items()):
             entry = zipfile.ZipInfo(name)

@@ -15,6 +15,7 @@ from nbgrader.preprocessors import ClearHiddenTests
 
 from ..running import execute
 from .autograde import SETTINGS, course
+from .batch import replace
 from .platforms import pack
 
 __all__ = [
@@ -48,9 +49,7 @@ def found_course(root: Path) -> None:
 def generate(root: Path, source: Path, name: str) -> Path:
     """Let nbgrader make the students' copy of a set, in the course of a folder."""
     target = root / "source" / name
-    if target.exists():
-        shutil.rmtree(target)
-    shutil.copytree(source / name, target, ignore=shutil.ignore_patterns(".*", "__pycache__"))
+    replace(source / name, target, ".*", "__pycache__")
     done = course(root).generate_assignment(name)
     if "Cannot add or remove cells" in done["log"]:
         raise CourseError(
@@ -68,9 +67,7 @@ def release(names: Sequence[str], source: Path, target: Path, solutions: bool = 
         found_course(Path(folder))
         for name in names:
             given_out = target / "release" / name
-            if given_out.exists():
-                shutil.rmtree(given_out)
-            shutil.copytree(generate(Path(folder), source, name), given_out)
+            replace(generate(Path(folder), source, name), given_out)
             files = (path for path in given_out.rglob("*") if path.is_file())
             members = {path.relative_to(given_out.parent).as_posix(): path for path in files}
             pack(given_out.with_suffix(".zip"), members)
