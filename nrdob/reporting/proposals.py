@@ -10,7 +10,14 @@ import control as ct
 import numpy as np
 
 from ..design import ModelCandidate, stable_model_exists, suggest_model
-from ..diagram import FilterFamily, as_fraction, filter_fraction, interpolating_filter, undelayed
+from ..diagram import (
+    DelayedTransferFunction,
+    FilterFamily,
+    as_fraction,
+    filter_fraction,
+    interpolating_filter,
+    undelayed,
+)
 from ..loop import NRDOB
 from ..measured import Identification
 from ..numerics import number
@@ -103,7 +110,9 @@ def propose(
         said = f"No loop is proposed, because {found.unsure}."
         return Proposal(None, (said,), warnings=(said,))
     candidates: tuple[ModelCandidate, ...] = ()
-    others = []
+    others, plant = [], process
+    if found and model is None:
+        process = _as_sampled(process, found.record.sampling_time)
     if model is None:
         candidates = tuple(suggest_model(process, max_ms=max_ms))
         best = candidates[0]
@@ -111,14 +120,17 @@ def propose(
             return _matched(process, controller, max_ms, candidates)
         how = "; ".join(REASONS.get(part, part) for part in best.how.split(", "))
         why = f"Model: {how}. {_rank(candidates, max_ms)}"
-        base = _Base(process, best.model, why, order or best.filters, controller, max_ms)
+        if process is not plant:
+            why += " The samples are slower than anything in the process: the loop is designed for "
+            why += "a dead time of one sample."
+        base = _Base(process, plant, best.model, why, order or best.filters, controller, max_ms)
         damped = _without_resonances(process)
         if damped is not None:
             why = "Model: the process without dead time and with its resonances critically damped."
             others = [replace(base, model=damped, why=why, family=order or _lowest(damped))]
     else:
         family = order or _lowest(model)
-        base = _Base(process, model, "Model: as given.", family, controller, max_ms)
+        base = _Base(process, plant, model, "Model: as given.", family, controller, max_ms)
     first = _completed(base, time_constant)
     loop = first.loop
     if loop is not None:
@@ -158,14 +170,27 @@ def _improved(
 
 @dataclass(frozen=True)
 class _Base:
-    """What a loop is completed from: the model, why it is that one, and the kind of filter."""
+    """What a loop is completed from: the model, why it is that one, and the kind of filter.
+
+    The loop is that of the plant; the process is what it is designed for.
+    """
 
     process: Any
+    plant: Any
     model: Any
     why: str
     family: int | FilterFamily
     controller: Any
     max_ms: float
+
+
+def _as_sampled(process: Any, dt: float) -> Any:
+    """Give a process that is faster than its samples, or only integrates, a dead time of one."""
+    prompt, delay = undelayed(process)
+    unstable = np.any(np.roots(as_fraction(prompt, "process").den).real > 0)
+    if unstable or max(slowest_lag(process), delay) >= dt:
+        return process
+    return DelayedTransferFunction(prompt, dt)
 
 
 def _lowest(model: Any) -> int:
@@ -193,7 +218,7 @@ def _completed(base: _Base, time_constant: float | None, calm: bool = False) -> 
             return Proposal(None, tuple(words), warnings=(*warnings, said))
     else:
         words.append("Controller: as given.")
-    loop = NRDOB(base.process, base.model, controller, filter)
+    loop = NRDOB(base.plant, base.model, controller, filter)
     settles = all(root.real < 0 for root in np.roots(loop.fractions.G.den))
     if settles and loop.delay > slowest_lag(base.process) and not loop.model_delay:
         words.append(

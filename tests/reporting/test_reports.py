@@ -282,6 +282,22 @@ def test_a_filter_is_slow_enough_for_the_samples_of_the_record(samples, delay):
 
 
 @pytest.mark.slow
+def test_a_tank_that_only_integrates_gets_a_loop_as_slow_as_its_samples():
+    rng, share = np.random.default_rng(4), {}
+    u = np.repeat(rng.choice([-1.0, 1.0], size=40), 8)
+    level = np.cumsum(0.02 * np.r_[0.0, u[:-1]]) + 0.005 * rng.standard_normal(u.size)
+    for dt in (0.01, 60.0):
+        found = identify(dt * np.arange(u.size), u, level, input_before=0.0)
+        proposal = propose(found)
+        assert "for a dead time of one sample" in proposal.words[0] and not proposal.warnings
+        assert proposal.loop.delay == nrdob.NRDOB(found.process, *blocks(proposal.loop)).delay
+        true = nrdob.NRDOB(0.02 / dt / s, *blocks(proposal.loop)).sampled(dt)
+        assert true.stability().stable and true.margins().ms < 2.5
+        share[dt] = proposal.loop.filter(0.1j / dt)
+    assert share[60.0] == pytest.approx(share[0.01], rel=1e-3)
+
+
+@pytest.mark.slow
 def test_where_no_slower_filter_helps_the_samples_the_loop_stays_and_the_page_says_so():
     # A pole at 10 rad/s grows by e within a sample.
     process = 1 / (s - 10)
