@@ -10,7 +10,7 @@ import numpy as np
 
 from ..numerics import FloatArray
 
-__all__ = ["NUMBER", "UNITS", "is_moment", "number_in", "parted", "seconds_in", "short"]
+__all__ = ["UNITS", "is_moment", "is_number", "number_in", "parted", "seconds_in", "short"]
 
 LONGEST = 60  # characters of a cell or a heading that a message repeats
 
@@ -76,6 +76,11 @@ def parted(cell: str) -> tuple[str, str]:
     """
     found = MEASURED.fullmatch(cell)
     return (found["number"], found["unit"] or "") if found else (cell, "")
+
+
+def is_number(cell: str) -> bool:
+    """Tell whether a cell looks like a number, with a unit behind it or without."""
+    return MEASURED.fullmatch(cell) is not None
 
 
 def is_moment(cell: str) -> bool:

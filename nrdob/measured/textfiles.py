@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from .columns import known
-from .parsing import NUMBER, is_moment, number_in, parted, short
+from .parsing import is_moment, is_number, short
 
 __all__ = ["Sheet", "read_sheet"]
 
@@ -179,7 +179,6 @@ def _separator(sample: Sequence[str]) -> str:
 
 
 def _cells(line: str, separator: str) -> list[str]:
-    """Part one line."""
     if separator == " ":
         return line.split()
     return next(csv.reader([line], delimiter=separator), [])
@@ -257,8 +256,4 @@ def _commented(
 
 def _is_value(cell: str) -> bool:
     """Tell numbers and times from words; nan and inf are words of a heading, too."""
-    number = number_in(cell)
-    text = cell.strip()
-    if number is None:
-        return is_moment(cell) or bool(parted(text)[1])
-    return bool(NUMBER.fullmatch(text))
+    return is_number(cell.strip()) or is_moment(cell)
