@@ -10,7 +10,7 @@ import numpy as np
 
 from ..numerics import FloatArray
 
-__all__ = ["UNITS", "is_moment", "is_number", "number_in", "parted", "seconds_in", "short"]
+__all__ = ["UNITS", "is_moment", "is_value", "number_in", "parted", "seconds_in", "short"]
 
 LONGEST = 60  # characters of a cell or a heading that a message repeats
 
@@ -78,16 +78,16 @@ def parted(cell: str) -> tuple[str, str]:
     return (found["number"], found["unit"] or "") if found else (cell, "")
 
 
-def is_number(cell: str) -> bool:
-    """Tell whether a cell looks like a number, with a unit behind it or without."""
-    return MEASURED.fullmatch(cell) is not None
-
-
 def is_moment(cell: str) -> bool:
     """Tell whether a cell looks like a date or a time of day."""
     text = cell.strip()
     found = MOMENT.fullmatch(text) if 4 < len(text) <= LONGEST else None
     return found is not None and (found["day"] is not None or found["hour"] is not None)
+
+
+def is_value(cell: str) -> bool:
+    """Tell numbers and times from words; nan and inf are words of a heading, too."""
+    return MEASURED.fullmatch(cell.strip()) is not None or is_moment(cell)
 
 
 def seconds_in(cells: Sequence[str], place: Callable[[int], str]) -> tuple[FloatArray, str]:
