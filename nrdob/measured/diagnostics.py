@@ -55,7 +55,7 @@ def doubts(
 
 
 def why_open(gain: Parameter, follows: bool, unsettled: bool, alike: bool) -> tuple[str, str]:
-    """Say why a gain may be zero, and with a remedy; two empty texts if it may not.
+    """Say why a gain may be zero, and what to do about it; two empty texts if it may not.
 
     Follows: the residual still follows the input; unsettled: gain and lag are not told apart;
     alike: what an integrator does by itself looks like its answer to the input.
@@ -63,25 +63,24 @@ def why_open(gain: Parameter, follows: bool, unsettled: bool, alike: bool) -> tu
     if not gain.low <= 0 <= gain.high:
         return "", ""
     if alike:
-        return "u moves only as the record begins, so that the gain of the integrator is open", (
+        return (
             "u moves only as the record begins, where y may have been moving already, so that the "
-            "gain of the integrator is open: begin the record well before the step; or, if the "
-            f"plant was at rest, {BEFORE}"
+            "gain of the integrator is open",
+            f"begin the record well before the step; or, if the plant was at rest, {BEFORE}",
         )
     if unsettled:
-        return "y does not come to rest in the record, so that its gain is open", (
-            "y does not come to rest in the record, so that the gain is not told from the lag: "
-            "record longer"
+        return (
+            "y does not come to rest in the record, so that the gain is not told from the lag",
+            "record longer",
         )
     if follows:
         return (
-            "its structure leaves so much of what the input does unexplained that its gain is open",
-            "the structure leaves so much of what u does to y unexplained that its gain is open: "
+            "the structure leaves so much of what u does to y unexplained that its gain is open",
             "try another one, or look for what else moves y",
         )
-    return "the gain of the process may be zero, or of either sign", (
-        "the gain may be zero, or of either sign: the record does not show that u acts on y; make "
-        "a larger step, or repeat it"
+    return (
+        "the gain of the process may be zero, or of either sign",
+        "the record does not show that u acts on y; make a larger step, or repeat it",
     )
 
 

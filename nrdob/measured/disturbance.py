@@ -84,18 +84,10 @@ FORGOTTEN = 50
 
 @dataclass(frozen=True, eq=False)
 class Scatter:
-    """Where the truth may be, seen from the estimates, under each possible disturbance.
+    """Where the truth may be, seen from the n estimates, under each of h possible disturbances.
 
-    Attributes
-    ----------
-    weights : (h,) array
-        Of the disturbances; their sum is 1.
-    shifts : (h, n) array
-        Means.
-    covariances : (h, n, n) array
-        Covariances.
-    freedom : float
-        Degrees of freedom.
+    Weights of the disturbances, shape (h,), whose sum is 1; means, (h, n), and covariances,
+    (h, n, n), of the truth under each; and degrees of freedom.
     """
 
     weights: FloatArray
@@ -128,16 +120,10 @@ class Scatter:
 def scatter_of(
     residual: FloatArray, jacobian: FloatArray, used: BoolArray, readings: FloatArray, grain: float
 ) -> Scatter:
-    """Find where the truth may be, seen from estimates.
+    """Find where the truth may be, from what a fit leaves of the samples that count.
 
-    Parameters
-    ----------
-    residual, used : (N,) array
-        What the fit leaves, and which samples count.
-    jacobian : (N, n) array
-        Derivatives of the response by what was estimated.
-    readings, grain : (N,) array, float
-        Of the sensor, and what it resolves; 0 if that cannot be seen.
+    The Jacobian, shape (N, n), holds the derivatives of the response by what was estimated; grain
+    is what the sensor of these readings resolves, 0 if that cannot be seen.
     """
     size = np.linalg.norm(jacobian[used], axis=0)
     scaled = jacobian / np.where(size > 0, size, 1.0)

@@ -15,8 +15,8 @@ from typing import Any
 
 import numpy as np
 
-from ..diagram import DelayedTransferFunction
-from ..numerics import FloatArray, is_real
+from ..diagram import DelayedTransferFunction, real_number
+from ..numerics import FloatArray
 from .choice import chosen, criterion, denied_sign, estimates, judge, weighed
 from .diagnostics import LITTLE, doubts, why_open
 from .fitting import FEWEST, Problem, best_fit, simple_fit
@@ -204,9 +204,7 @@ def identify(
     [1.5, 2.0, 0.3]
     """
     record = checked_record(t, u, y, input_before=input_before)
-    if not is_real(held_out):
-        raise TypeError(f"held_out is {held_out!r}; give a number, such as 0.5")
-    if not 0 <= held_out < 0.9:
+    if not 0 <= real_number(held_out, "held_out", "give a number, such as 0.5") < 0.9:
         raise ValueError(f"held_out is {held_out}; it must be between 0 and 0.9")
     for remark in record.remarks:
         warnings.warn(remark, UserWarning, stacklevel=2)
@@ -295,7 +293,8 @@ def identified(
         parameters["gain"], follows, best.unsettled and not (denied or needless), alike
     )
     remarks = doubts(
-        record, parameters, (best.fit_percent, best.validation, follows), remedy,
+        record, parameters, (best.fit_percent, best.validation, follows),
+        f"{open_gain}: {remedy}" if open_gain else "",
         sizes[1] * np.where(record.free[start:], whole.left(fit), 0.0), fit,
     )  # fmt: skip
     plain = simple_fit(whole, fit)

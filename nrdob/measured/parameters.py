@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import reduce
+from functools import partial, reduce
 from itertools import product
 from math import exp, sqrt
 
@@ -53,10 +53,7 @@ def told(
     """
     covariance, last = scatter.covariance, fit.shape.size - 1
     apart = bool(fit.shape[last] > APART * sqrt(covariance[last, last]))
-
-    def numbers(unknowns: FloatArray) -> dict[str, tuple[float, str]]:
-        return _numbers(fit.structure, unknowns, units, apart)
-
+    numbers = partial(_numbers, fit.structure, units=units, apart=apart)
     columns = []
     for size, along in zip(np.abs(fit.unknowns), np.eye(fit.unknowns.size), strict=True):
         step = STEP * max(1.0, float(size)) * along

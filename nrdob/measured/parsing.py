@@ -10,7 +10,7 @@ import numpy as np
 
 from ..numerics import FloatArray
 
-__all__ = ["NUMBER", "UNITS", "is_moment", "number_in", "parted", "seconds_in", "short"]
+__all__ = ["UNITS", "is_moment", "is_value", "number_in", "parted", "seconds_in", "short"]
 
 LONGEST = 60  # characters of a cell or a heading that a message repeats
 
@@ -83,6 +83,11 @@ def is_moment(cell: str) -> bool:
     text = cell.strip()
     found = MOMENT.fullmatch(text) if 4 < len(text) <= LONGEST else None
     return found is not None and (found["day"] is not None or found["hour"] is not None)
+
+
+def is_value(cell: str) -> bool:
+    """Tell numbers and times from words; nan and inf are words of a heading, too."""
+    return MEASURED.fullmatch(cell.strip()) is not None or is_moment(cell)
 
 
 def seconds_in(cells: Sequence[str], place: Callable[[int], str]) -> tuple[FloatArray, str]:

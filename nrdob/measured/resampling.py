@@ -79,20 +79,21 @@ def evenly_sampled(
             f"t goes from {t[k - 1]:.10g} to {t[k]:.10g} at {place(k)}; times must increase: put "
             f"the samples in order, and take out what stands twice (or, {IF_EVEN})"
         )
-    steps = steps / np.median(steps)
-    off = np.abs(steps - np.round(steps))
-    if np.mean((off > JITTER) | (steps < 0.5)) > MISSING:
-        return _resampled(t, u, y, place)
-    index = np.concatenate([[0], np.cumsum(np.round(steps).astype(int))])
-    return _filled(t, u, y, place, index, float(off.max()))
-
-
-def _filled(
-    t: FloatArray, u: FloatArray, y: FloatArray, place: Callable[[int], str],
-    index: IntArray, off: float,
-) -> Sampled:  # fmt: skip
-    """Put samples on an even grid by their numbers; `off` is the largest error of an interval."""
-    spacing = float((t[-1] - t[0]) / index[-1])
+    multiples = steps / np.median(steps)
+    off = np.abs(multiples - np.round(multiples))
+    if np.mean((off > JITTER) | (multiples < 0.5)) > MISSING:  # as many even times as uneven ones
+        index, small = np.arange(count), False
+        apart = f"the times lie between {steps.min():.4g} and {steps.max():.4g} s apart"
+        if steps.max() > max(LONG * span / (count - 1), GAP * span):
+            raise ValueError(
+                f"t is not evenly sampled: {apart}, most before {place(int(np.argmax(steps)) + 1)};"
+                f" use a stretch without gaps, or log at a fixed rate ({IF_EVEN})"
+            )
+    else:
+        index = np.concatenate([[0], np.cumsum(np.round(multiples).astype(int))])
+        small = float(off.max()) <= 2 * EVEN
+        apart = f"intervals between the times differ by up to {100 * off.max():.2g} %"
+    spacing = float(span / index[-1])
     done = _gaps(index, t, u, place)
     size = int(index[-1]) + 1
     measured = np.zeros(size, dtype=bool)
@@ -102,26 +103,11 @@ def _filled(
         held = u[np.maximum.accumulate(np.where(measured, np.cumsum(measured) - 1, 0))]
     else:
         held = _averaged(t, u, grid)
-        apart = f"intervals between the times differ by up to {100 * off:.2g} %"
-        done.append((_resampling(t, y, grid, place, apart), off <= 2 * EVEN))
+        done.append((_resampling(t, y, grid, place, apart), small))
     notes, remarks = (
         tuple(said for said, small in done if small == kind) for kind in (True, False)
     )
     return Sampled(grid, held, np.interp(grid, t, y), measured, notes, remarks)
-
-
-def _resampled(t: FloatArray, u: FloatArray, y: FloatArray, place: Callable[[int], str]) -> Sampled:
-    """Take as many even times as there are uneven ones, unless a gap between these is long."""
-    steps, grid = np.diff(t), np.linspace(t[0], t[-1], t.size)
-    apart = f"the times lie between {steps.min():.4g} and {steps.max():.4g} s apart"
-    if steps.max() > max(LONG * (grid[1] - grid[0]), GAP * np.ptp(t)):
-        raise ValueError(
-            f"t is not evenly sampled: {apart}, most before {place(int(np.argmax(steps)) + 1)}; "
-            f"use a stretch without gaps, or log at a fixed rate ({IF_EVEN})"
-        )
-    said = _resampling(t, y, grid, place, apart)
-    measured = np.ones(t.size, dtype=bool)
-    return Sampled(grid, _averaged(t, u, grid), np.interp(grid, t, y), measured, (), (said,))
 
 
 def _rounding(t: FloatArray) -> tuple[float, float]:

@@ -55,12 +55,8 @@ ORDER = 4
 class Whitening:
     """The filter that makes white noise of a disturbance.
 
-    Attributes
-    ----------
-    memory : tuple of float
-        Autoregression, beginning with 1: alone for white noise.
-    theta : float
-        1 without drift, 0 where the disturbance is a random walk.
+    Memory is an autoregression, beginning with 1: alone for white noise. Theta is 1 without drift,
+    0 where the disturbance is a random walk.
     """
 
     memory: tuple[float, ...] = (1.0,)

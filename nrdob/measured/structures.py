@@ -157,7 +157,8 @@ def held_responses(
         before, now = (-expm1(-rate * t) / rate if rate else t for t in (part, 1 - part))
         taps = np.array([[0.0, now, exp(-rate * (1 - part)) * before]])
     else:
-        (early, late), (before, now) = transition(*_companion(den), [part, 1 - part])
+        A = np.array([[0.0, 1.0], [-den[2], -den[1]]])
+        (early, late), (before, now) = transition(A, EYE[1], [part, 1 - part])
         before, step = late @ before, late @ early
         # (zI - step)^-1 applied to the two vectors, over the characteristic polynomial.
         turned = step - (step[0, 0] + step[1, 1]) * EYE
@@ -183,8 +184,3 @@ def _poles(den: Sequence[float]) -> list[float]:
     mean = -den[1] / 2
     apart = cmath.sqrt(mean**2 - den[2])
     return [1.0, -(cmath.exp(mean + apart) + cmath.exp(mean - apart)).real, exp(-den[1])]
-
-
-def _companion(den: Sequence[float]) -> tuple[FloatArray, FloatArray]:
-    """Give A and B of 1/D(s), of degree 2."""
-    return np.array([[0.0, 1.0], [-den[2], -den[1]]]), EYE[1]

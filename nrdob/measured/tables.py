@@ -16,7 +16,8 @@ from statistics import mode
 
 import numpy as np
 
-from ..numerics import FloatArray, is_real
+from ..diagram import real_number
+from ..numerics import FloatArray
 from .columns import SAMPLING, Choice, checked_columns, chosen
 from .parsing import UNITS, is_moment, number_in, parted, seconds_in, short
 from .records import Record, checked_record
@@ -87,10 +88,7 @@ def read_data(
     """
     asked = checked_columns(columns)
     if sampling_time is not None:
-        if not is_real(sampling_time):
-            raise TypeError(f"sampling_time is {sampling_time!r}; give seconds, such as 0.1")
-        if not (isfinite(sampling_time) and sampling_time > 0):
-            raise ValueError(f"sampling_time is {sampling_time}; give positive seconds")
+        real_number(sampling_time, "sampling_time", "give positive seconds, such as 0.1", above=0)
         if "t" in asked:
             raise ValueError("sampling_time and a column t are given; one of them must do")
     path = Path(path)

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from .columns import known
-from .parsing import NUMBER, is_moment, number_in, parted, short
+from .parsing import is_value, short
 
 __all__ = ["Sheet", "read_sheet"]
 
@@ -171,7 +171,7 @@ def _separator(sample: Sequence[str]) -> str:
 
     def found(separator: str) -> tuple[int, int, int]:
         rows = [row for line in sample if len(row := _cells(line, separator)) > 1]
-        numbers = sum(_is_value(cell) for row in rows for cell in row)
+        numbers = sum(is_value(cell) for row in rows for cell in row)
         cells = 0 if numbers else sum(map(len, rows))
         return numbers, cells, -SEPARATORS.index(separator)
 
@@ -179,7 +179,6 @@ def _separator(sample: Sequence[str]) -> str:
 
 
 def _cells(line: str, separator: str) -> list[str]:
-    """Part one line."""
     if separator == " ":
         return line.split()
     return next(csv.reader([line], delimiter=separator), [])
@@ -211,14 +210,14 @@ def _parted(kept: Sequence[tuple[int, str]], separator: str) -> tuple[list[list[
 
 def _layout(rows: Sequence[Sequence[str]]) -> tuple[int, int | None, int | None]:
     """Find the first row of numbers, the headings and the row of units."""
-    values = [sum(_is_value(cell) for cell in row) for row in rows[:SEEN]]
+    values = [sum(is_value(cell) for cell in row) for row in rows[:SEEN]]
     # Beside a name stand numbers that describe the table, where its rows begin with a number.
-    numbered = _is_value(rows[:SEEN][-1][0])
+    numbered = is_value(rows[:SEEN][-1][0])
     first = next(
         (
             k
             for k, count in enumerate(values)
-            if count >= 2 and (_is_value(rows[k][0]) or not numbered)
+            if count >= 2 and (is_value(rows[k][0]) or not numbered)
         ),
         None,
     )
@@ -253,12 +252,3 @@ def _commented(
     # A sentence may have as many words as there are columns.
     sure = known(heads) >= 2 or (separator != " " and width > 2)
     return (number, heads) if len(heads) == width and sure else None
-
-
-def _is_value(cell: str) -> bool:
-    """Tell numbers and times from words; nan and inf are words of a heading, too."""
-    number = number_in(cell)
-    text = cell.strip()
-    if number is None:
-        return is_moment(cell) or bool(parted(text)[1])
-    return bool(NUMBER.fullmatch(text))

@@ -12,7 +12,7 @@ from matplotlib.lines import Line2D
 from matplotlib.ticker import MultipleLocator
 
 from ..analysis import Margins, resolved_frequencies
-from ..diagram import Quotient
+from ..diagram import Quotient, real_number
 from ..numerics import FloatArray, number
 from . import alttext
 from .figure import (
@@ -21,7 +21,6 @@ from .figure import (
     TALL,
     Figure,
     as_map,
-    as_number,
     axes_for,
     colour_of,
     headings,
@@ -98,10 +97,12 @@ def bode_plot(
 
 def _limits(given: Any) -> tuple[float, float]:
     """Check the frequency range that the user wants to see."""
-    needed = "the pair (low, high) of frequencies in rad/s, 0 < low < high"
-    ends = [as_number(end, "omega_limits", needed) for end in np.ravel(given).tolist()]
+    remedy = "it must be the pair (low, high) of frequencies in rad/s, 0 < low < high"
+    ends = [
+        real_number(end, "omega_limits", remedy, above=-inf) for end in np.ravel(given).tolist()
+    ]
     if not (len(ends) == 2 and 0 < ends[0] < ends[1]):
-        raise ValueError(f"omega_limits is {given!r}; it must be {needed}")
+        raise ValueError(f"omega_limits is {given!r}; {remedy}")
     return ends[0], ends[1]
 
 

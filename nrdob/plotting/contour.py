@@ -18,7 +18,7 @@ import numpy as np
 
 from ..analysis import on_axis, resolved_frequencies, subdivided
 from ..diagram import Quotient
-from ..numerics import BoolArray, ComplexArray, FloatArray, QuasiPolynomial, golden
+from ..numerics import BoolArray, ComplexArray, FloatArray, QuasiPolynomial, golden, runs
 
 __all__ = ["Approach", "Arc", "Contour", "closest_approach", "contour"]
 
@@ -64,7 +64,7 @@ class Contour:
     @property
     def branches(self) -> list[ComplexArray]:
         """Parts of the curve within the radius, for positive frequencies."""
-        return [self.values[run] for run in _runs(self.values, self.radius)]
+        return [self.values[first:behind] for first, behind in _runs(self.values, self.radius)]
 
     @property
     def size(self) -> float:
@@ -165,7 +165,6 @@ def _radius(loop: Quotient, omega: FloatArray, values: ComplexArray) -> float:
 
 
 def _size(values: ComplexArray, radius: float) -> float:
-    """Size of what will be drawn."""
     finite = np.abs(values)[np.abs(values) < _FAR]
     return min(radius, max(float(finite.max(initial=0.0)), 1e-12))
 
@@ -250,20 +249,19 @@ def _arcs(
     loop: Quotient, omega: FloatArray, values: ComplexArray, radius: float
 ) -> tuple[Arc, ...]:
     """Close the curve at `radius`, in the sense in which it is closed at infinity."""
-    runs = _runs(values, radius)
-    if radius == inf or not runs:
+    inside = _runs(values, radius)
+    if radius == inf or not inside:
         return ()
     arcs = []
     order = -loop.zeros_at_origin
-    first, last = values[runs[0].start], values[runs[-1].stop - 1]
+    first, last = values[inside[0][0]], values[inside[-1][1] - 1]
     if order > 0:
         arcs.append(Arc("indentation", _arc(np.conj(first), first, order, radius)))
-    for before, after in pairwise(runs):
-        gap = omega[before.stop - 1], omega[after.start]
-        poles = on_axis(loop.den)
-        order = int(np.sum((poles > gap[0]) & (poles < gap[1])))
+    poles = on_axis(loop.den)
+    for (_, behind), (back, _) in pairwise(inside):
+        order = int(np.sum((poles > omega[behind - 1]) & (poles < omega[back])))
         if order:
-            arc = _arc(values[before.stop - 1], values[after.start], order, radius)
+            arc = _arc(values[behind - 1], values[back], order, radius)
             arcs += [Arc("indentation", arc), Arc("", np.conj(arc))]
     excess = loop.numerator.q.size - loop.denominator.q.size
     if excess > 0 and not loop.delay:
@@ -280,8 +278,6 @@ def _arc(start: complex, end: complex, half_turns: int, radius: float) -> Comple
     return np.asarray(radius * np.exp(1j * (begin + turn * np.linspace(0, 1, count))))
 
 
-def _runs(values: ComplexArray, radius: float) -> list[slice]:
-    """Stretches of a curve within the radius."""
-    inside = np.abs(values) <= min(radius, _FAR / 2)
-    edges = np.flatnonzero(np.diff(inside.astype(int), prepend=0, append=0))
-    return [slice(int(a), int(b)) for a, b in zip(edges[::2], edges[1::2], strict=True)]
+def _runs(values: ComplexArray, radius: float) -> list[list[int]]:
+    """Stretches of a curve within the radius, each from its first index to the one behind it."""
+    return list(runs(np.abs(values) <= min(radius, _FAR / 2)).tolist())

@@ -275,7 +275,6 @@ class Diagram:
         return (gain if block == "1" else f"{block}*{gain}"), signal
 
     def _on(self, wire: Wire, point: Point) -> bool:
-        """Tell whether the wire passes through the point."""
         return wire.path[0] != point and any(
             all(min(ends) <= at <= max(ends) for at, *ends in zip(point, a, b, strict=True))
             for a, b in pairwise(self.polyline(wire))
@@ -430,7 +429,6 @@ def _observer() -> tuple[Parts, tuple[Wire, ...]]:
 
 
 def _sum(terms: tuple[Term, ...]) -> str:
-    """Write a signed sum."""
     text = " ".join(f"{'-' if term.sign < 0 else '+'} {term}" for term in terms)
     return text.removeprefix("+ ")
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 import re
 from contextlib import AbstractContextManager
 from io import BytesIO
-from math import isfinite
 from pathlib import Path
 from typing import Any
 
@@ -15,7 +14,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.axes import Axes
 
-from ..diagram import INPUTS, MAPS, Quotient, real_number
+from ..diagram import INPUTS, MAPS, Quotient
 
 __all__ = [
     "COLOURS",
@@ -28,7 +27,6 @@ __all__ = [
     "WIDTH",
     "Figure",
     "as_map",
-    "as_number",
     "axes_for",
     "colour_of",
     "dress",
@@ -161,14 +159,6 @@ def as_map(given: Any) -> Quotient:
             f"a {type(given).__name__} is given; pass a map of the loop, such as loop.FH or loop.L"
         )
     return given
-
-
-def as_number(given: Any, name: str, needed: str) -> float:
-    """Return a finite real number, or say what is `needed`."""
-    number = real_number(given, name, f"it must be {needed}")
-    if not isfinite(number):
-        raise ValueError(f"{name} is {given}; it must be {needed}")
-    return number
 
 
 def dress(ax: Axes) -> None:

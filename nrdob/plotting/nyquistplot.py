@@ -10,7 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
 
 from ..analysis import LoopStability, NyquistCount, encirclements
-from ..diagram import Quotient
+from ..diagram import Quotient, real_number
 from ..numerics import ComplexArray, FloatArray, number
 from . import alttext
 from .contour import Approach, Contour, closest_approach, contour
@@ -21,7 +21,6 @@ from .figure import (
     TALL,
     Figure,
     as_map,
-    as_number,
     axes_for,
     colour_of,
     headings,
@@ -65,7 +64,8 @@ def nyquist_plot(
     TypeError, ValueError
         If something is given that cannot be drawn; the message names it and the remedy.
     """
-    point = as_number(point, "point", "a finite real number: -1, or +1 for the ratio G̃⁻¹G")
+    remedy = "it must be a finite real number: -1, or +1 for the ratio G̃⁻¹G"
+    point = real_number(point, "point", remedy, above=-inf)
     curve = contour(as_map(quotient))
     approach = closest_approach(quotient, curve, point)
     counted = encirclements(quotient, point) if verdict is None else verdict

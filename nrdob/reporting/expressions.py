@@ -223,7 +223,6 @@ def _power(value: _Value, power: int) -> _Value:
 
 
 def _dead_time(value: _Value) -> _Value:
-    """Read exp of -T s."""
     num = np.trim_zeros(value.num, "f")
     if value.delay or value.den.size != 1 or num.size > 2 or (num.size and num[-1]):
         if num.size == 1 and value.den.size == 1 and not value.delay:
