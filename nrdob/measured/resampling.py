@@ -81,7 +81,8 @@ def evenly_sampled(
         )
     multiples = steps / np.median(steps)
     off = np.abs(multiples - np.round(multiples))
-    if np.mean((off > JITTER) | (multiples < 0.5)) > MISSING:  # as many even times as uneven ones
+    # As many even times as uneven ones; also where two samples would get one place on a grid.
+    if np.mean(off > JITTER) > MISSING or multiples.min() < 0.5:
         index, small = np.arange(count), False
         apart = f"the times lie between {steps.min():.4g} and {steps.max():.4g} s apart"
         if steps.max() > max(LONG * span / (count - 1), GAP * span):

@@ -570,3 +570,11 @@ def test_what_to_do_with_a_file_that_cannot_be_read_as_it_is(tmp_path, text, sai
     path.write_text(text)
     with pytest.raises(ValueError, match=f"(?s){said}"):
         read_data(path)
+
+
+def test_a_row_between_two_samples_is_no_missing_one():
+    t = np.insert(np.arange(100.0), 50, 49.3)
+    record = checked_record(t, np.sign(np.sin(t / 5)), np.sin(t / 9))
+    (said,) = record.remarks
+    assert "between 0.3 and 1 s apart: resampled" in said and "missing" not in said
+    assert record.y == pytest.approx(np.sin(record.t / 9), abs=5e-3)
