@@ -111,9 +111,9 @@ def propose(
         return Proposal(None, (said,), warnings=(said,))
     candidates: tuple[ModelCandidate, ...] = ()
     others, plant = [], process
-    if found and model is None:
-        process = _as_sampled(process, found.record.sampling_time)
     if model is None:
+        if found:
+            process = _as_sampled(process, found.record.sampling_time)
         candidates = tuple(suggest_model(process, max_ms=max_ms))
         best = candidates[0]
         if not best.time_constants:

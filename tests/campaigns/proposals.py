@@ -8,7 +8,6 @@ Run `python -m tests.campaigns.proposals --count 240 --seed 2`.
 
 from __future__ import annotations
 
-from collections import Counter
 from typing import NamedTuple
 
 import control as ct
@@ -21,7 +20,7 @@ from tests.oracles.plain import Block, Plain
 from tests.oracles.wired import poles
 
 from .identification import response
-from .runner import plain, print_tally
+from .runner import plain, print_tally, tallied
 
 PLANTS = {
     "one lag": lambda lag: ([1.0], [lag, 1.0]),
@@ -85,15 +84,7 @@ def outcome(case: Case) -> str:
 
 
 def campaign(count: int, seed: int) -> dict[str, int]:
-    rng = np.random.default_rng(seed)
-    tally: Counter[str] = Counter()
-    for _ in range(count):
-        case = draw(rng)
-        try:
-            tally[f"{case.name}: {outcome(case)}"] += 1
-        except (ValueError, ArithmeticError) as refusal:
-            tally[f"refused: {refusal}"] += 1
-    return tally
+    return tallied(draw, lambda case: f"{case.name}: {outcome(case)}", count, seed)
 
 
 if __name__ == "__main__":

@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 import argparse
+from collections import Counter
 from collections.abc import Callable
 from typing import Any, NamedTuple
+
+import numpy as np
 
 from tests.oracles.plain import Block, Plain
 
@@ -29,6 +32,21 @@ def plain(loop: Any) -> Plain:
     """The coefficients of a loop, as the oracles take them."""
     G, Gm, C, F = (Block(part.num, part.den) for part in loop.fractions)
     return Plain(G, Gm, C, F, loop.delay, loop.model_delay)
+
+
+def tallied(
+    draw: Callable[[np.random.Generator], Any], outcome: Callable[[Any], str], count: int, seed: int
+) -> dict[str, int]:
+    """Count outcomes of drawn cases; what is refused counts by its message."""
+    rng = np.random.default_rng(seed)
+    tally: Counter[str] = Counter()
+    for _ in range(count):
+        case = draw(rng)
+        try:
+            tally[outcome(case)] += 1
+        except ValueError as refusal:
+            tally[f"refused: {refusal}"] += 1
+    return tally
 
 
 def print_tally(

@@ -8,7 +8,6 @@ Run `python -m tests.campaigns.sampled --count 600 --seed 0`.
 
 from __future__ import annotations
 
-from collections import Counter
 from typing import Any, NamedTuple
 
 import control as ct
@@ -18,7 +17,7 @@ import nrdob
 from nrdob.sampling import random_loop
 from tests.oracles.wired import poles
 
-from .runner import plain, print_tally
+from .runner import plain, print_tally, tallied
 
 CLOSE = 1e-7
 """Distance from the unit circle at which nobody is asked to decide."""
@@ -82,15 +81,7 @@ def outcome(case: Case) -> str:
 
 
 def campaign(count: int, seed: int) -> dict[str, int]:
-    rng = np.random.default_rng(seed)
-    tally: Counter[str] = Counter()
-    for _ in range(count):
-        case = draw(rng)
-        try:
-            tally[outcome(case)] += 1
-        except ValueError as refusal:
-            tally[f"refused: {refusal}"] += 1
-    return tally
+    return tallied(draw, outcome, count, seed)
 
 
 if __name__ == "__main__":
