@@ -160,9 +160,12 @@ def carried(
     }
 
 
+TABLE = "explorables.toml"
+
+
 def places(book: Path) -> dict[str, dict[str, Any]]:
     """Read the table of what can be moved."""
-    return tomllib.loads((book / "explorables.toml").read_text("utf-8"))
+    return tomllib.loads((book / TABLE).read_text("utf-8"))
 
 
 class Explorable(SphinxDirective):
@@ -171,6 +174,7 @@ class Explorable(SphinxDirective):
     required_arguments = 1
 
     def run(self) -> list[nodes.Node]:
+        self.env.note_dependency(Path(self.env.srcdir) / TABLE)
         place = places(Path(self.env.srcdir))[self.arguments[0]]
         if unknown := place.keys() - {*OTHERS, *SLIDERS}:
             raise self.error(f"an explorable has no {', '.join(sorted(unknown))}")
