@@ -40,6 +40,8 @@ SCRIPTS = tuple(
 AT_REST = {"gain": 1.0, "lag": 0.0, "zero": 0.0, "delay": 0.0}
 SLIDERS = ("lambda", "observer", "controller", "T", "gain", "lag", "zero", "delay")
 """What a slider may move, in the order of the page."""
+TABLE = "explorables.toml"
+"""What can be moved, by chapter."""
 OTHERS = {"shows", "caption", "last", "upwards"}
 """What an entry of the table says besides."""
 
@@ -160,9 +162,6 @@ def carried(
     }
 
 
-TABLE = "explorables.toml"
-
-
 def places(book: Path) -> dict[str, dict[str, Any]]:
     """Read the table of what can be moved."""
     return tomllib.loads((book / TABLE).read_text("utf-8"))
@@ -174,8 +173,9 @@ class Explorable(SphinxDirective):
     required_arguments = 1
 
     def run(self) -> list[nodes.Node]:
-        self.env.note_dependency(Path(self.env.srcdir) / TABLE)
-        place = places(Path(self.env.srcdir))[self.arguments[0]]
+        book = Path(self.env.srcdir)
+        self.env.note_dependency(book / TABLE)
+        place = places(book)[self.arguments[0]]
         if unknown := place.keys() - {*OTHERS, *SLIDERS}:
             raise self.error(f"an explorable has no {', '.join(sorted(unknown))}")
         upwards = place.get("upwards", "")

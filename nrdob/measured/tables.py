@@ -199,7 +199,8 @@ def _numbers(sheet: Sheet, what: str, column: int) -> tuple[FloatArray, str]:
     """Read the numbers of a column, and the unit behind each; or name the first that is none."""
     parts = [parted(row[column].strip()) for row in sheet.rows]
     cells = [number for number, _ in parts]
-    units = {parts[k][1]: k for k in reversed(range(len(cells))) if number_in(cells[k]) is not None}
+    values = [number_in(cell) for cell in cells]
+    units = {parts[k][1]: k for k in reversed(range(len(cells))) if values[k] is not None}
     if len(units) > 1:
         first, other = sorted(units.values())[:2]
         here, there = (short(sheet.rows[k][column].strip()) for k in (other, first))
@@ -209,8 +210,7 @@ def _numbers(sheet: Sheet, what: str, column: int) -> tuple[FloatArray, str]:
         )
     _check_decimals(sheet, what, cells)
     found = np.empty(len(cells))
-    for k, cell in enumerate(cells):
-        value = number_in(cell)
+    for k, (cell, value) in enumerate(zip(cells, values, strict=True)):
         if value is None or not isfinite(value):
             said = f"is {short(cell)!r}, which is no finite number" if cell else "is empty"
             if k == 0 and re.fullmatch(r"[^\W\d_]+", cell):

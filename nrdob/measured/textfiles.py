@@ -137,18 +137,20 @@ def _encoding(raw: bytes) -> str:
 
 def _unstamped(kept: list[tuple[int, str]]) -> tuple[list[tuple[int, str]], tuple[str, ...]]:
     """Make a column of the times that a monitor of a serial port writes before each line."""
-    stamps = [STAMP.match(line) for _, line in kept]
-    if len(kept) < 2 or not all(stamps[1:]):
+    first, *others = kept
+    if not others or not all(STAMP.match(line) for _, line in others):
         return kept, ()
-    rest = [STAMP.sub("", line) for _, line in kept]
-    separator = _separator(rest[:SEEN])
+    cut: tuple[str, ...] = ()
+    if not STAMP.match(first[1]):
+        kept = others
+        cut = (f"line {first[0]}, which has no time, was taken for half a line and left out",)
+    parts = [STAMP.split(line, maxsplit=1)[1:] for _, line in kept]
+    separator = _separator([rest for _, rest in parts[:SEEN]])
     found = [
-        (number, f"{'time' if line[:1].isalpha() else stamp[1]}{separator}{line}")
-        for (number, _), stamp, line in zip(kept, stamps, rest, strict=True)
-        if stamp
+        (number, f"{'time' if rest[:1].isalpha() else stamp}{separator}{rest}")
+        for (number, _), (stamp, rest) in zip(kept, parts, strict=True)
     ]
-    cut = f"line {kept[0][0]}, which has no time, was taken for half a line and left out"
-    return found, (cut,) * (stamps[0] is None)
+    return found, cut
 
 
 def _joined(kept: Sequence[tuple[int, str]]) -> list[tuple[int, str]]:

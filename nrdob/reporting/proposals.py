@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -160,12 +160,8 @@ def _improved(
         for change, other in _others(base, first, loop, others, dt):
             if other.loop is None:
                 continue
-            seen = []
             trying = trials_on(other.loop, found)
-            for each in trying:
-                seen.append(each)
-                if not _holds(each, sampled=dt > 0):
-                    break
+            seen = _until_one_fails(trying, sampled=dt > 0)
             if not _fault(other.loop, seen, sampled=dt > 0):
                 said = f"{fault}, so {change}, with a controller to match."
                 return replace(other, words=(*other.words, said), trials=(*seen, *trying))
@@ -233,11 +229,20 @@ def _completed(base: _Base, time_constant: float | None, calm: bool = False) -> 
     return Proposal(loop, tuple(words), warnings=tuple(warnings))
 
 
+def _until_one_fails(trying: Iterator[Trial], sampled: bool) -> tuple[Trial, ...]:
+    seen = []
+    for each in trying:
+        seen.append(each)
+        if not _holds(each, sampled):
+            break
+    return tuple(seen)
+
+
 def _holds(trial: Trial, sampled: bool) -> bool:
     return trial.holds if sampled else trial.continuous.holds
 
 
-def _fault(loop: NRDOB, trials: Sequence[Trial], sampled: bool = True) -> str:
+def _fault(loop: NRDOB, trials: tuple[Trial, ...], sampled: bool = True) -> str:
     """Say why a loop should not be used as it is; nothing where it may."""
     failed = [each for each in trials if not _holds(each, sampled)]
     if failed:

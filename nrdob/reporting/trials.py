@@ -106,6 +106,12 @@ def in_words(trials: tuple[Trial, ...], slower: bool = True) -> str:
     some = f"{rivals} rival{'s' * (rivals > 1)}" if rivals else "no rival"
     among = f"the process found, {some} of it and {corners} corners of the intervals"
     like = f"sampled like the record, at dt = {number(trials[0].dt, 4)} s"
+    if all(each.holds for each in trials):
+        worst = number(max(each.ms for each in trials))
+        return (
+            f"Tried on {among}, in continuous time and {like}, it is stable on all, with a peak of "
+            f"{worst} at most."
+        )
     failed = [each.continuous for each in trials if not each.continuous.holds]
     if failed:
         start = "The record does not tell enough to rely on this loop. Tried on"
@@ -116,12 +122,6 @@ def in_words(trials: tuple[Trial, ...], slower: bool = True) -> str:
         failed = [each.sampled for each in trials if not each.sampled.holds]
         start = f"{like.capitalize()}, the loop fails. Tried on"
         change = "Let the controller sample faster."
-    if not failed:
-        worst = number(max(each.ms for each in trials))
-        return (
-            f"Tried on {among}, in continuous time and {like}, it is stable on all, with a peak of "
-            f"{worst} at most."
-        )
     unstable = sum(not each.stable for each in failed)
     in_vain = "; none of the slower filters tried helps" * slower
     return (
