@@ -274,6 +274,10 @@ def _times(sheet: Sheet, choice: Choice) -> tuple[FloatArray, tuple[str, ...]]:
             f"{', '.join(each for each in UNITS if len(each) < 4)}, such as --columns "
             f'"t={column + 1} [ms]" (in Python columns={{"t": "{column + 1} [ms]"}})'
         )
+    if within and UNITS.get(within.lower()) != seconds:
+        raise ValueError(
+            f"t is in {short(unit)} by its heading, and {within!r} stands in its cells: correct one"
+        )
     if seconds == 1.0:
         return times, ()
     # Exact where the unit is a whole number of seconds, or seconds are of it.

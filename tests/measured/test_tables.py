@@ -213,6 +213,10 @@ REFUSED = {
         spoilt(9, "7,1 V,2"), "line 9: u is '1 V' where line 2 has '0'",
     ),
     "a number that goes on as a word": (spoilt(9, "7,1x2,2"), "line 9: u is '1x2', which is no f"),
+    "times in two units": (
+        replaced(lambda k: f"{k} s,{k // 7 % 2},{k % 5}", "time [ms],u,y"),
+        "t is in ms by its heading, and 's' stands in its cells: correct one",
+    ),
     "times in a unit that is none": (
         replaced(lambda k: f"{k} V,{k // 7 % 2},{k % 5}"), "t is in 'V', which is no unit of time"
     ),
