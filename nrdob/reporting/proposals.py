@@ -49,7 +49,7 @@ REASONS = {
 
 # Times the λ for the process found, or the sampling time if that is longer: tried where the loop
 # fails on a process that it may be.
-SLOWER = (1.5, 2.0, 3.0, 5.0, 8.0, 12.0, 20.0)
+SLOWER = tuple(1.2**k for k in range(1, 18))
 
 
 @dataclass(frozen=True)
@@ -156,15 +156,18 @@ def _improved(
     rounds = [first.trials[0].dt if first.trials else 0.0]
     if any(not each.continuous.holds for each in first.trials):
         rounds.append(0.0)
+    order, suspect = [each.process for each in first.trials], ""
     for dt in rounds:
         for change, other in _others(base, first, loop, others, dt):
             if other.loop is None:
                 continue
-            trying = trials_on(other.loop, found)
-            seen = _until_one_fails(trying, sampled=dt > 0)
+            seen = _until_one_fails(trials_on(other.loop, found, suspect), sampled=dt > 0)
             if not _fault(other.loop, seen, sampled=dt > 0):
                 said = f"{fault}, so {change}, with a controller to match."
-                return replace(other, words=(*other.words, said), trials=(*seen, *trying))
+                trials = tuple(sorted(seen, key=lambda each: order.index(each.process)))
+                return replace(other, words=(*other.words, said), trials=trials)
+            # The process on which one fails is where the next one is likeliest to fail.
+            suspect = seen[-1].process if seen else ""
     return first
 
 

@@ -71,8 +71,11 @@ class Trial:
         return self.continuous.holds and self.sampled.holds
 
 
-def trials_on(loop: NRDOB, found: Identification | None) -> Iterator[Trial]:
-    """Try a loop on what was identified, its rivals, and all corners of the intervals, if any."""
+def trials_on(loop: NRDOB, found: Identification | None, suspect: str = "") -> Iterator[Trial]:
+    """Try a loop on what was identified, its rivals, and all corners of the intervals, if any.
+
+    The suspect is the process to begin with, by its name.
+    """
     if found is None:
         return
     plants = {f"{found.structure} (chosen)": found.process}
@@ -80,15 +83,15 @@ def trials_on(loop: NRDOB, found: Identification | None) -> Iterator[Trial]:
     if found.plain is not None:
         plants["one lag with dead time, plain least squares"] = found.plain
     dt = found.record.sampling_time
-    for corner, group in ((False, plants), (True, found.corners)):
-        for name, plant in group.items():
-            tried = NRDOB(plant, loop.model, loop.controller, loop.filter)
-            continuous, sampled = Outcome(), Outcome()
-            with suppress(ArithmeticError, ValueError):
-                continuous = _outcome(tried)
-            with suppress(ArithmeticError, NotImplementedError, ValueError):
-                sampled = _outcome(tried.sampled(dt))
-            yield Trial(name, corner, dt, continuous, sampled)
+    plants |= found.corners
+    for name in sorted(plants, key=lambda name: name != suspect):
+        tried = NRDOB(plants[name], loop.model, loop.controller, loop.filter)
+        continuous, sampled = Outcome(), Outcome()
+        with suppress(ArithmeticError, ValueError):
+            continuous = _outcome(tried)
+        with suppress(ArithmeticError, NotImplementedError, ValueError):
+            sampled = _outcome(tried.sampled(dt))
+        yield Trial(name, name in found.corners, dt, continuous, sampled)
 
 
 def _outcome(loop: NRDOB | SampledLoop) -> Outcome:

@@ -502,7 +502,7 @@ def test_a_filter_that_cannot_be_found_is_named_by_its_order():
 def test_a_model_without_any_filter_is_passed_over_for_a_slower_one_that_is_calm():
     # The process without its resonance has the zero at 2, too: its inverse is unstable.
     proposal = propose((2 - s) / ((s + 1) * (s**2 + 0.02 * s + 1)))
-    assert "so λ is 0.988 s instead of 0.494 s" in proposal.words[-1]
+    assert "so λ is 0.854 s instead of 0.494 s" in proposal.words[-1]
     assert "designed for a crossover" in " ".join(proposal.words)
     loop = proposal.loop
     for factor in (0.98, 1.02):
