@@ -11,7 +11,7 @@ import numpy as np
 from ..numerics import BoolArray, FloatArray, is_real, runs
 from .resampling import evenly_sampled
 
-__all__ = ["BEFORE", "SHORTEST", "Record", "checked_record", "resolution"]
+__all__ = ["BEFORE", "SHORTEST", "Record", "checked_record", "look_swapped", "resolution"]
 
 SHORTEST = 20
 """Samples below which nothing is fitted."""
@@ -25,6 +25,8 @@ RESTS, CLOSE, QUIET = 15, 0.02, 0.25
 SPIKE = 8.0  # largest other steps of y that a single sample that is none is away
 PULSE = 4  # samples before it in which the input may explain it
 BEFORE = "give what the input was before (input_before=0; in the shell --input-before 0)"
+# Times as often as y that u may change, and times as many values that it may take, if y takes few.
+SWAPPED, FEW = 10, 5
 LARGEST = 1e100  # above it squares overflow
 SINCE_1970 = 1e8  # times in seconds that count from 1970, and not from the beginning of a test
 
@@ -135,6 +137,11 @@ def checked_record(
             f"y is {outputs[spike]:g} at {place(spike)}, far from the samples beside it: it is "
             "taken for an outlier and left out; look what the sensor did there"
         )
+    if look_swapped(inputs, outputs):
+        noticed.append(
+            "y rests or jumps between a few values and u moves far more, as if u and y were "
+            "swapped: name the columns; if they are right, the sensor is too coarse"
+        )
     even = evenly_sampled(times, inputs, outputs, place)
     if np.ptp(even.u[:-1]) == 0 and input_before in (None, even.u[0]):
         raise ValueError(
@@ -147,6 +154,14 @@ def checked_record(
         even.t, even.u, even.y, free & even.measured, (*remarks, *even.remarks, *noticed), name,
         (*notes, *even.notes), input_before,
     )  # fmt: skip
+
+
+def look_swapped(u: FloatArray, y: FloatArray) -> bool:
+    """Say whether u looks measured, and y like what somebody has set."""
+    moves_of_u, moves_of_y = (int(np.count_nonzero(np.diff(values))) for values in (u, y))
+    values_of_u, values_of_y = (np.unique(values).size for values in (u, y))
+    few = values_of_y <= FEW and values_of_u > SWAPPED * values_of_y
+    return bool(moves_of_u > SWAPPED * max(moves_of_y, 1) or few)
 
 
 def _before(value: Any) -> float:

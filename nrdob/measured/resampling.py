@@ -14,7 +14,7 @@ from scipy.interpolate import CubicSpline
 
 from ..numerics import BoolArray, FloatArray, IntArray
 
-__all__ = ["Sampled", "evenly_sampled"]
+__all__ = ["MISSING", "Sampled", "evenly_sampled"]
 
 # Largest distance of a sample from the even grid, in sampling times, that is left as it is.
 EVEN = 0.05
@@ -29,7 +29,10 @@ MINOR = 0.01  # share of missing samples up to which filling them is not worth a
 COARSE = 2.5  # largest step of rounded times, in sampling times
 # Irregular intervals that rounding must have left; fewer are missing or repeated rows.
 IRREGULAR = 3
-IF_EVEN = "if the samples are even and only their times are wrong, give the sampling time"
+IF_EVEN = (
+    "if the samples are even and only their times are wrong, as where summer time begins or ends, "
+    "give the sampling time"
+)
 
 
 @dataclass(frozen=True)
@@ -143,7 +146,8 @@ def _gaps(
         raise ValueError(
             f"t is not evenly sampled: {total} of {size} samples are missing, {missing.max()} of "
             f"them in a row before {place(worst + 1)}; at most {100 * MISSING:g} % are filled in, "
-            f"and {100 * LONGEST:g} % in a row: use a stretch without gaps"
+            f"and {100 * LONGEST:g} % in a row: use a stretch without gaps "
+            f"({IF_EVEN})"
         )
     moved = np.flatnonzero((missing > 0) & (np.diff(u) != 0))
     if moved.size and missing[moved].max() > 1:
