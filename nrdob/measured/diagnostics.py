@@ -127,7 +127,7 @@ def _outliers(record: Record, residual: FloatArray, start: int) -> Iterator[str]
 
     Far is what neither the noise, with its tails, nor the steps in which y usually changes explain.
     """
-    around = np.lib.stride_tricks.sliding_window_view(np.pad(residual, 2, mode="edge"), 5)
+    around = np.lib.stride_tricks.sliding_window_view(np.pad(residual, 2, mode="reflect"), 5)
     apart = np.abs(residual - np.median(around, axis=1))
     steps = np.abs(np.diff(record.y))
     tail = float(np.quantile(apart, TAIL)) / float(norm.ppf(0.5 + TAIL / 2))

@@ -261,7 +261,7 @@ def _stopped(outputs: FloatArray) -> slice | None:
 
 
 def _spike(moves: FloatArray, outputs: FloatArray) -> int | None:
-    """Find a sample to which y goes and from which it comes back, or with which it begins.
+    """Find a sample to which y goes and from which it comes back, or with which it begins or ends.
 
     Nowhere else it steps as far, and the input does not explain it.
     """
@@ -269,9 +269,11 @@ def _spike(moves: FloatArray, outputs: FloatArray) -> int | None:
     steps = np.diff(outputs)
     sizes = np.abs(steps)
     back = np.where(steps[:-1] * steps[1:] < 0, np.minimum(sizes[:-1], sizes[1:]), 0.0)
-    leaps = np.array([0.0 if moved[:2].any() else sizes[0], *back])
+    first = 0.0 if moved[:2].any() else sizes[0]
+    last = 0.0 if moved[-PULSE:].any() else sizes[-1]
+    leaps = np.array([first, *back, last])
     k = int(leaps.argmax())
-    others = np.delete(sizes, [k - 1, k] if k else [0])
+    others = np.delete(sizes, [each for each in (k - 1, k) if 0 <= each < sizes.size])
     pulses = moved[max(k - PULSE + 1, 0) : k + 1].sum() > 1
     return k if leaps[k] > SPIKE * others.max() and not pulses else None
 

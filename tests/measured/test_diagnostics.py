@@ -263,15 +263,27 @@ def test_outliers_are_told():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("begins", [True, False])
-def test_a_spike_that_a_fit_would_follow_is_left_out(begins):
+def test_an_outlier_at_the_end_is_told():
+    t, u, y = lag(switched())
+    y[[250, -1]] += [3, -2]
+    (said,) = identify(t, u, y, structure=ONE_LAG).remarks
+    assert said.startswith("y has 2 outliers, such as")
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("place", "value"),
+    [
+        (0, 3.75),  # the sensor was not ready
+        (120, 1482),  # right after a step, where a structure with a zero makes it a response
+        (239, 3),  # the last line of the file is cut off
+    ],
+)
+def test_a_spike_that_a_fit_would_follow_is_left_out(place, value):
     t, u, y = lag(np.where(np.arange(240) < 120, 0.0, 1.0))
     y = y + 30
-    if begins:  # the sensor was not ready
-        y[0] = 3.75
-    else:  # right after a step, where a structure with a zero makes it a response
-        y[120] = 1482
-    place = "y is 3.75 at sample 0" if begins else "y is 1482 at sample 120"
+    y[place] = value
+    place = f"y is {value} at sample {place}"
     with pytest.warns(UserWarning, match=f"{place}, far from the samples .* left out"):
         found = identify(t, u, y)
     assert found.structure == ONE_LAG
