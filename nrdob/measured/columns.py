@@ -167,7 +167,8 @@ def _question(
     more = f"; without times {SAMPLING}" if "t" in lacking else ""
     if len(left) < len(lacking):
         wanted = [what for what in ("t", "u", "y") if what in {*example, *lacking}]
-        more = f"; without times {SAMPLING}" * ("t" in wanted)
+        if "t" in order and heads[order["t"]] == "T":  # may be a temperature
+            more = f"; without times {SAMPLING}"
         return f"{len(wanted)} are needed: {', '.join(wanted)}{more}"
     for what in lacking:
         free = [k for k in left if k not in example.values()]

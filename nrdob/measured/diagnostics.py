@@ -145,7 +145,7 @@ def _outliers(record: Record, residual: FloatArray, start: int) -> Iterator[str]
 def _drift(record: Record, residual: FloatArray, fit: Fit) -> Iterator[str]:
     innovations = fit.whitening.applied(residual)
     walked = fit.whitening.walked(float(innovations.std()), record.y.size)
-    if walked > DRIFTED * np.ptp(record.y):
+    if walked > DRIFTED * np.ptp(record.y[record.free]):
         yield (
             f"y drifts, by about {walked:.2g} over the record, without the input's doing; the "
             "intervals count that in: let the plant come to rest before the record, or make "

@@ -112,7 +112,8 @@ def read_data(
         if sheet.rows and not any(row[k].strip() for row in sheet.rows if k < len(row))
     ]
     choice = chosen(heads, asked, sampling_time is None, table, moments, dates + blank)
-    rows = [[*row, *[""] * (len(heads) - len(row))] for row in sheet.rows]
+    width = len(heads)
+    rows = [row if len(row) >= width else [*row, *[""] * (width - len(row))] for row in sheet.rows]
     sheet, samples, absent = _complete(replace(sheet, rows=rows), choice.order)
     sheet, switched = _switched(sheet, choice.order["u"])
     _check_marks(sheet, choice.order)

@@ -57,7 +57,7 @@ def read_sheet(path: Path) -> Sheet:
     name = short(path.name)
     every = list(enumerate(re.split(r"\r\n|\r|\n", text), 1))
     kept = [
-        (k, line if '"' in line else BEHIND.sub(r"\1", line))
+        (k, BEHIND.sub(r"\1", line) if ("#" in line or "//" in line) and '"' not in line else line)
         for k, line in every
         if line.strip() and not COMMENT.match(line)
     ]

@@ -319,8 +319,12 @@ REFUSED = {
         "can hardly be seconds: .* \\[us\\]",
     ),
     "summer time": (
-        replaced(lambda k: f"2024-03-31 0{1 + 2 * (k > 29)}:59:{k:02},{k // 7 % 2},{k % 5}"),
-        "samples are missing, .* summer time",
+        replaced(lambda k: f"2024-03-31 0{1 + (k > 29)}:59:{k:02},{k // 7 % 2},{k % 5}"),
+        "samples are missing, .* an hour is what summer time",
+    ),
+    "the end of summer time": (
+        replaced(lambda k: f"2024-10-27 0{2 - (k > 29)}:59:{k:02},{k // 7 % 2},{k % 5}"),
+        "at line 32; times must increase: .* an hour is what summer time",
     ),
     "words that are no switch": (
         replaced(lambda k: f"{k},{'idle' if k // 7 % 2 else 'heating'},{k % 5}"),
