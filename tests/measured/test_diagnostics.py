@@ -267,7 +267,7 @@ def test_what_a_sensor_writes_where_it_fails_is_left_out():
     t, u, y = lag(np.where(np.arange(240) // 60 % 2, 1.0, 0.0))
     failed = [20, 101, 102 + 60, 200]
     y[failed] = -9999, -9999, -7999, -9999
-    with pytest.warns(UserWarning, match=r"y is -9999 at sample 20, and 3 more .* left out"):
+    with pytest.warns(UserWarning, match=r"y is -9999 at sample 20, and 3 more, .* left out"):
         found = identify(t, u, y)
     assert np.flatnonzero(~found.record.free).tolist() == failed
     assert found.parameters["gain"].value == pytest.approx(2.0, rel=0.01)
