@@ -30,7 +30,21 @@ SIGNALS = {
 several."""
 
 LIKELY = {
-    "u": ("q", "heater", "valve", "dac", "pwm", "duty", "esc", "voltage", "effort", "command"),
+    "u": (
+        "q",
+        "heater",
+        "valve",
+        "dac",
+        "pwm",
+        "duty",
+        "esc",
+        "voltage",
+        "effort",
+        "command",
+        "co",
+        "op",
+        "cv",
+    ),
     "y": ("t", "temp", "temperature", "level", "flow", "pressure", "adc", "angle", "speed", "rpm"),
 }
 """Words in headings of which the example in a question is made; nothing is taken for them."""
@@ -153,6 +167,8 @@ def _question(
     more = f"; without times {SAMPLING}" if "t" in lacking else ""
     if len(left) < len(lacking):
         wanted = [what for what in ("t", "u", "y") if what in {*example, *lacking}]
+        if "t" in order and heads[order["t"]] == "T":  # may be a temperature
+            more = f"; without times {SAMPLING}"
         return f"{len(wanted)} are needed: {', '.join(wanted)}{more}"
     for what in lacking:
         free = [k for k in left if k not in example.values()]

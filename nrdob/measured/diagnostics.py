@@ -127,7 +127,7 @@ def _outliers(record: Record, residual: FloatArray, start: int) -> Iterator[str]
 
     Far is what neither the noise, with its tails, nor the steps in which y usually changes explain.
     """
-    around = np.lib.stride_tricks.sliding_window_view(np.pad(residual, 2, mode="edge"), 5)
+    around = np.lib.stride_tricks.sliding_window_view(np.pad(residual, 2, mode="reflect"), 5)
     apart = np.abs(residual - np.median(around, axis=1))
     steps = np.abs(np.diff(record.y))
     tail = float(np.quantile(apart, TAIL)) / float(norm.ppf(0.5 + TAIL / 2))
@@ -145,7 +145,7 @@ def _outliers(record: Record, residual: FloatArray, start: int) -> Iterator[str]
 def _drift(record: Record, residual: FloatArray, fit: Fit) -> Iterator[str]:
     innovations = fit.whitening.applied(residual)
     walked = fit.whitening.walked(float(innovations.std()), record.y.size)
-    if walked > DRIFTED * np.ptp(record.y):
+    if walked > DRIFTED * np.ptp(record.y[record.free]):
         yield (
             f"y drifts, by about {walked:.2g} over the record, without the input's doing; the "
             "intervals count that in: let the plant come to rest before the record, or make "

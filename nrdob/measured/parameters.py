@@ -19,7 +19,7 @@ __all__ = ["CONFIDENCE", "Parameter", "corners_of", "process_of", "told"]
 
 CONFIDENCE = 0.95  # of the intervals
 APART = 2.0  # standard errors by which a damping ratio must exceed 1 for two lags to be told apart
-NO_DELAY = 1e-6  # dead time, in samples, that is none
+NO_DELAY = 0.01  # dead time, in samples, that is none
 STEP = 1e-6
 SIGNED = ("gain", "lead of the zero")  # numbers that may be negative
 LEAST = 0.01  # of its value, the least that a time or a damping ratio is in a corner

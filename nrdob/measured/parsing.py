@@ -10,15 +10,18 @@ import numpy as np
 
 from ..numerics import FloatArray
 
-__all__ = ["UNITS", "is_moment", "is_value", "number_in", "parted", "seconds_in", "short"]
+__all__ = [
+    "NUMBER", "THOUSANDS", "UNITS", "is_moment", "is_value", "number_in", "parted", "seconds_in",
+    "short",
+]  # fmt: skip
 
 LONGEST = 60  # characters of a cell or a heading that a message repeats
 
 UNITS = {
     unit: seconds
     for units, seconds in (
-        (("ns", "nanosecond", "nanoseconds"), 1e-9),
-        (("us", "µs", "μs", "microsecond", "microseconds"), 1e-6),
+        (("ns", "nanos", "nanosecond", "nanoseconds"), 1e-9),
+        (("us", "µs", "μs", "micros", "microsecond", "microseconds"), 1e-6),
         (("ms", "msec", "millis", "millisecond", "milliseconds"), 1e-3),
         (("s", "sec", "secs", "second", "seconds", "sekunden"), 1.0),
         (("min", "mins", "minute", "minutes", "minuten"), 60.0),
@@ -30,7 +33,10 @@ UNITS = {
 """Seconds in each unit of time that a heading may name, in small letters."""
 
 # A comma at its end separates columns.
-NUMBER = re.compile(r"[+-]?(\d+(\.|[.,]\d+)?|[.,]\d+)(e[+-]?\d+)?", re.I)
+NUMBER = re.compile(r"[+-]?(\d+([.,]\d+|\.)?|[.,]\d+)(e[+-]?\d+)?", re.I)
+
+# With three figures in each group behind the first, and maybe decimals.
+THOUSANDS = re.compile(r"[+-]?[1-9]\d{0,2}([\s.,'’]\d{3})+([.,]\d*)?")
 
 MEASURED = re.compile(
     rf"(?P<number>{NUMBER.pattern})\s*(?P<unit>([^\W\d_]|[°%])([^\W\d_]|[°%/²³]){{0,7}})?", re.I
@@ -87,7 +93,8 @@ def is_moment(cell: str) -> bool:
 
 def is_value(cell: str) -> bool:
     """Tell numbers and times from words; nan and inf are words of a heading, too."""
-    return MEASURED.fullmatch(cell.strip()) is not None or is_moment(cell)
+    text = cell.strip()
+    return any(form.fullmatch(text) for form in (MEASURED, THOUSANDS)) or is_moment(cell)
 
 
 def seconds_in(cells: Sequence[str], place: Callable[[int], str]) -> tuple[FloatArray, str]:

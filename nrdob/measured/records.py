@@ -8,10 +8,10 @@ from typing import Any
 
 import numpy as np
 
-from ..numerics import BoolArray, FloatArray, is_real, runs
+from ..numerics import BoolArray, FloatArray, IntArray, is_real, runs
 from .resampling import evenly_sampled
 
-__all__ = ["BEFORE", "SHORTEST", "Record", "checked_record", "resolution"]
+__all__ = ["BEFORE", "SHORTEST", "Record", "checked_record", "look_swapped", "resolution"]
 
 SHORTEST = 20
 """Samples below which nothing is fitted."""
@@ -23,8 +23,11 @@ COARSE = 3.0  # steps of a coarse sensor that the last one before a limit must e
 # Samples and share of the range in which an output rests at a stop, where its noise is far less.
 RESTS, CLOSE, QUIET = 15, 0.02, 0.25
 SPIKE = 8.0  # largest other steps of y that a single sample that is none is away
+MOST_SPIKES = 50
 PULSE = 4  # samples before it in which the input may explain it
 BEFORE = "give what the input was before (input_before=0; in the shell --input-before 0)"
+# Times as often as y that u may change, and times as many values that it may take, if y takes few.
+SWAPPED, FEW = 10, 5
 LARGEST = 1e100  # above it squares overflow
 SINCE_1970 = 1e8  # times in seconds that count from 1970, and not from the beginning of a test
 
@@ -129,11 +132,17 @@ def checked_record(
             f"{outputs[stop].mean():.3g} without its noise: it looks stopped by a limit, and these "
             f"{stop.stop - stop.start} samples are left out; measure again with a smaller input"
         )
-    if (spike := _spike(moves, outputs)) is not None:
-        free[spike] = False
+    if (spikes := _spikes(moves, outputs)).size:
+        free[spikes] = False
+        more = f", and {spikes.size - 1} more" if spikes.size > 1 else ""
         noticed.append(
-            f"y is {outputs[spike]:g} at {place(spike)}, far from the samples beside it: it is "
-            "taken for an outlier and left out; look what the sensor did there"
+            f"y is {outputs[spikes[0]]:g} at {place(int(spikes[0]))}{more}, far from the samples "
+            "beside it: taken for an outlier and left out; look what the sensor did there"
+        )
+    if look_swapped(inputs, outputs):
+        noticed.append(
+            "y rests or jumps between a few values and u moves far more, as if u and y were "
+            "swapped: name the columns; if they are right, the sensor is too coarse"
         )
     even = evenly_sampled(times, inputs, outputs, place)
     if np.ptp(even.u[:-1]) == 0 and input_before in (None, even.u[0]):
@@ -147,6 +156,14 @@ def checked_record(
         even.t, even.u, even.y, free & even.measured, (*remarks, *even.remarks, *noticed), name,
         (*notes, *even.notes), input_before,
     )  # fmt: skip
+
+
+def look_swapped(u: FloatArray, y: FloatArray) -> bool:
+    """Say whether u looks measured, and y like what somebody has set."""
+    moves_of_u, moves_of_y = (int(np.count_nonzero(np.diff(values))) for values in (u, y))
+    values_of_u, values_of_y = (np.unique(values).size for values in (u, y))
+    few = values_of_y <= FEW and values_of_u > SWAPPED * values_of_y
+    return bool(moves_of_u > SWAPPED * max(moves_of_y, 1) or few)
 
 
 def _before(value: Any) -> float:
@@ -230,6 +247,7 @@ def _stopped(outputs: FloatArray) -> slice | None:
     """
     noise, coarse = np.abs(np.diff(outputs, 2)), COARSE * resolution(outputs)
     moves = outputs[STUCK:] - outputs[:-STUCK]
+    largest = np.abs(moves).max()
     for extreme in (outputs.max(), outputs.min()):
         near = np.abs(outputs - extreme) <= CLOSE * np.ptp(outputs)
         for first, behind in runs(near).tolist():
@@ -237,16 +255,18 @@ def _stopped(outputs: FloatArray) -> slice | None:
                 continue
             before, last = moves[first - 2 * STUCK], moves[first - STUCK]
             steady = min(abs(before), abs(last)) > 0.5 * max(abs(before), abs(last))
-            fast = before * last > 0 and abs(last) > ABRUPT * np.abs(moves).max()
+            fast = before * last > 0 and abs(last) > ABRUPT * largest
+            if not (steady and fast):
+                continue
             usual = float(np.median(noise[: first - STUCK]))
             quiet = noise[first : behind - 2].mean() < QUIET * usual
-            if steady and fast and quiet and usual > coarse:
+            if quiet and usual > coarse:
                 return slice(first, behind)
     return None
 
 
-def _spike(moves: FloatArray, outputs: FloatArray) -> int | None:
-    """Find a sample to which y goes and from which it comes back, or with which it begins.
+def _spikes(moves: FloatArray, outputs: FloatArray) -> IntArray:
+    """Find samples to which y goes and from which it comes back, or with which it begins or ends.
 
     Nowhere else it steps as far, and the input does not explain it.
     """
@@ -254,11 +274,18 @@ def _spike(moves: FloatArray, outputs: FloatArray) -> int | None:
     steps = np.diff(outputs)
     sizes = np.abs(steps)
     back = np.where(steps[:-1] * steps[1:] < 0, np.minimum(sizes[:-1], sizes[1:]), 0.0)
-    leaps = np.array([0.0 if moved[:2].any() else sizes[0], *back])
-    k = int(leaps.argmax())
-    others = np.delete(sizes, [k - 1, k] if k else [0])
-    pulses = moved[max(k - PULSE + 1, 0) : k + 1].sum() > 1
-    return k if leaps[k] > SPIKE * others.max() and not pulses else None
+    first = 0.0 if moved[:2].any() else sizes[0]
+    last = 0.0 if moved[-PULSE:].any() else sizes[-1]
+    leaps = np.array([first, *back, last])
+    order = np.argsort(-leaps)[: MOST_SPIKES + 1]
+    for count in 1 + np.flatnonzero(leaps[order[:-1]] > SPIKE * leaps[order[1:]]):
+        spikes = np.sort(order[:count])
+        beside = np.union1d(spikes - 1, spikes)
+        others = np.delete(sizes, beside[(beside >= 0) & (beside < sizes.size)])
+        pulses = any(moved[max(k - PULSE + 1, 0) : k + 1].sum() > 1 for k in spikes)
+        if leaps[spikes].min() > SPIKE * others.max() and not pulses:
+            return spikes
+    return order[:0]
 
 
 def resolution(outputs: FloatArray) -> float:

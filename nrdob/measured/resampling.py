@@ -14,7 +14,7 @@ from scipy.interpolate import CubicSpline
 
 from ..numerics import BoolArray, FloatArray, IntArray
 
-__all__ = ["Sampled", "evenly_sampled"]
+__all__ = ["MISSING", "Sampled", "evenly_sampled"]
 
 # Largest distance of a sample from the even grid, in sampling times, that is left as it is.
 EVEN = 0.05
@@ -30,6 +30,7 @@ COARSE = 2.5  # largest step of rounded times, in sampling times
 # Irregular intervals that rounding must have left; fewer are missing or repeated rows.
 IRREGULAR = 3
 IF_EVEN = "if the samples are even and only their times are wrong, give the sampling time"
+HOUR = 3600.0
 
 
 @dataclass(frozen=True)
@@ -77,7 +78,7 @@ def evenly_sampled(
         k = int(np.argmax(steps <= 0)) + 1
         raise ValueError(
             f"t goes from {t[k - 1]:.10g} to {t[k]:.10g} at {place(k)}; times must increase: put "
-            f"the samples in order, and take out what stands twice (or, {IF_EVEN})"
+            f"the samples in order, and take out what stands twice (or, {IF_EVEN}){_clock(steps)}"
         )
     multiples = steps / np.median(steps)
     off = np.abs(multiples - np.round(multiples))
@@ -143,7 +144,8 @@ def _gaps(
         raise ValueError(
             f"t is not evenly sampled: {total} of {size} samples are missing, {missing.max()} of "
             f"them in a row before {place(worst + 1)}; at most {100 * MISSING:g} % are filled in, "
-            f"and {100 * LONGEST:g} % in a row: use a stretch without gaps"
+            f"and {100 * LONGEST:g} % in a row: use a stretch without gaps "
+            f"({IF_EVEN}){_clock(np.diff(t))}"
         )
     moved = np.flatnonzero((missing > 0) & (np.diff(u) != 0))
     if moved.size and missing[moved].max() > 1:
@@ -165,6 +167,12 @@ def _gaps(
         )
         done.append((late, False))
     return done
+
+
+def _clock(steps: FloatArray) -> str:
+    """Recall what puts times off by an hour."""
+    off = abs(float(np.abs(steps).max()) - HOUR) <= 2 * np.median(steps)
+    return "; an hour is what summer time puts clocks forward and back" if off else ""
 
 
 def _resampling(

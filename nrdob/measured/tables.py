@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import replace
 from math import isfinite
 from os import PathLike
@@ -19,17 +20,21 @@ import numpy as np
 from ..diagram import real_number
 from ..numerics import FloatArray
 from .columns import SAMPLING, Choice, checked_columns, chosen
-from .parsing import UNITS, is_moment, number_in, parted, seconds_in, short
-from .records import Record, checked_record
-from .textfiles import Sheet, read_sheet
+from .parsing import THOUSANDS, UNITS, is_moment, number_in, parted, seconds_in, short
+from .records import Record, checked_record, look_swapped
+from .resampling import MISSING
+from .textfiles import SEEN, Sheet, read_sheet
 
 __all__ = ["heated_air", "read_data"]
 
-# Where nothing but their order says which is which: times as often as y that u may change, and
-# times as many values that it may take, if y takes few.
-SWAPPED, FEW = 10, 5
 # Days since 1900, as spreadsheets count them, of the years 1982 to 2064.
 EXCEL_DAYS = (30_000.0, 60_000.0)
+# Until then whole milliseconds, microseconds and nanoseconds since 1970 are told by their size.
+EPOCHS = {"ms": 1e14, "us": 1e17, "ns": np.inf}
+PARTED = re.compile(r"[+-]?[1-9]\d{0,2}(\.\d{3})+")  # maybe thousands
+DECIMAL = re.compile(r"[+-]?\d+,\d+")
+SWITCHED = {"off": 0, "false": 0, "on": 1, "true": 1}
+ABSENT = ("", "-", "--", "---", "?", "nan", "na", "n/a", "#n/a", "#nv", "null", "none")
 HEATED_AIR_STEP = 0.08
 
 
@@ -47,8 +52,10 @@ def read_data(
     by tabs, semicolons, vertical bars, white space or commas; the decimal mark is a point or a
     comma (in quotes, if commas separate the columns). Times are numbers in the unit that their
     heading names (else seconds), dates or times of day; a column of these needs no heading that
-    says so. Lines that begin with #, % or // are left out, and so is what stands above the
-    headings; a row of units may follow them. The file is UTF-8, UTF-16 or Latin-1.
+    says so. An input that is on or off, or true or false, is 1 or 0. Lines in which u or y is
+    empty, nan, null or a dash are missing, of which a few are filled in. Lines that begin with #, %
+    or // are left out, and so is what stands above the headings; a row of units may follow them.
+    The file is UTF-8, UTF-16 or Latin-1.
 
     Parameters
     ----------
@@ -105,10 +112,13 @@ def read_data(
         if sheet.rows and not any(row[k].strip() for row in sheet.rows if k < len(row))
     ]
     choice = chosen(heads, asked, sampling_time is None, table, moments, dates + blank)
-    filled = [[*row, *[""] * (len(heads) - len(row))] for row in sheet.rows]
-    sheet = replace(sheet, rows=filled)
+    width = len(heads)
+    rows = [row if len(row) >= width else [*row, *[""] * (width - len(row))] for row in sheet.rows]
+    sheet, samples, absent = _complete(replace(sheet, rows=rows), choice.order)
+    sheet, switched = _switched(sheet, choice.order["u"])
+    _check_marks(sheet, choice.order)
     (u, unit_of_u), (y, unit_of_y) = (_numbers(sheet, w, choice.order[w]) for w in ("u", "y"))
-    if choice.remarks and _swapped(u, y):
+    if choice.remarks and look_swapped(u, y):
         raise ValueError(
             f"nothing in {short(path.name)} says which column is u and which is y, and in the "
             "order t, u, y the output would rest or jump between a few values, as an input does, "
@@ -122,7 +132,7 @@ def read_data(
             "do, and no heading says that it is the input: a record needs one of the input and one "
             "of the output; name them, --columns u=2,y=3 (in Python columns={'u': 2, 'y': 3})"
         )
-    notes, remarks = sheet.notes, choice.remarks
+    notes, remarks = sheet.notes + absent, choice.remarks + switched
     for what, unit in (("u", unit_of_u), ("y", unit_of_y)):
         notes += (f"{what} is in {unit}, which stands in its cells",) * bool(unit)
     if sampling_time is None:
@@ -134,7 +144,7 @@ def read_data(
                 f"line {sheet.blank} is empty, and without times each line is one sample: take it "
                 "out, or put in the sample that is missing"
             )
-        times = sampling_time * np.arange(len(sheet.rows))
+        times = sampling_time * np.array(samples)
     try:
         return checked_record(
             times, u, y, name=path.name, place=lambda k: f"line {sheet.lines[k]}", notes=notes,
@@ -167,14 +177,6 @@ def heated_air() -> Record:
     return read_data(Path(__file__).with_name("heated_air.csv"), sampling_time=HEATED_AIR_STEP)
 
 
-def _swapped(u: FloatArray, y: FloatArray) -> bool:
-    """Say whether u looks measured, and y like what somebody has set."""
-    moves_of_u, moves_of_y = (int(np.count_nonzero(np.diff(values))) for values in (u, y))
-    values_of_u, values_of_y = (np.unique(values).size for values in (u, y))
-    few = values_of_y <= FEW and values_of_u > SWAPPED * values_of_y
-    return bool(moves_of_u > SWAPPED * max(moves_of_y, 1) or few)
-
-
 def _check_widths(sheet: Sheet, width: int) -> None:
     """Refuse rows that are too short or too long.
 
@@ -195,15 +197,80 @@ def _check_widths(sheet: Sheet, width: int) -> None:
         )
 
 
+def _complete(sheet: Sheet, order: Mapping[str, int]) -> tuple[Sheet, list[int], tuple[str, ...]]:
+    """Leave out lines in which u or y is missing; give the numbers of the others, and a note."""
+    lost = {
+        k: what
+        for what in ("y", "u")
+        for k, row in enumerate(sheet.rows)
+        if row[order[what]].strip().lower() in ABSENT
+    }
+    if not lost:
+        return sheet, list(range(len(sheet.rows))), ()
+    first, more = min(lost), len(lost) - 1
+    if len(lost) > MISSING * len(sheet.rows):
+        what = lost[first]
+        raise ValueError(
+            f"line {sheet.lines[first]}: {what} {_said(sheet.rows[first][order[what]].strip())}, "
+            f"and values are missing in {len(lost)} of {len(sheet.rows)} lines; at most "
+            f"{100 * MISSING:g} % are filled in: use a stretch without gaps, and repeat in every "
+            "line what is written only where it changes"
+        )
+    kept = [k for k in range(len(sheet.rows)) if k not in lost]
+    rows, lines = [sheet.rows[k] for k in kept], [sheet.lines[k] for k in kept]
+    said = f"values are missing in line {sheet.lines[first]}" + f" and {more} more" * (more > 0)
+    return replace(sheet, rows=rows, lines=lines), kept, (f"{said}: left out",)
+
+
+def _switched(sheet: Sheet, column: int) -> tuple[Sheet, tuple[str, ...]]:
+    """Write 1 and 0 for an input that is on or off throughout, with a remark."""
+    words = {row[column].strip() for row in sheet.rows}
+    if not words or not {word.lower() for word in words} <= SWITCHED.keys():
+        return sheet, ()
+    rows = [
+        [*row[:column], str(SWITCHED[row[column].strip().lower()]), *row[column + 1 :]]
+        for row in sheet.rows
+    ]
+    named = " or ".join(map(repr, sorted(words, key=lambda word: SWITCHED[word.lower()])))
+    return replace(sheet, rows=rows), (
+        f"u is {named}, read as 0 and 1: a controller gives values between them, so switch the "
+        "actuator on for that share of each of many short periods, or use one that can be set",
+    )
+
+
+def _check_marks(sheet: Sheet, order: Mapping[str, int]) -> None:
+    """Refuse points that may part thousands, where another column has decimal commas."""
+    cells = {what: [row[k].strip() for row in sheet.rows[:SEEN]] for what, k in order.items()}
+    commas = [(what, cell) for what in cells for cell in cells[what] if DECIMAL.fullmatch(cell)]
+    for what, each in cells.items():
+        pointed = [k for k, cell in enumerate(each) if "." in cell]
+        if commas and pointed and all(PARTED.fullmatch(each[k]) for k in pointed):
+            other, comma = commas[0]
+            raise ValueError(
+                f"line {sheet.lines[pointed[0]]}: {what} is {short(each[pointed[0]])!r}, which may "
+                f"have a point between thousands where {other} has {short(comma)!r}: use one "
+                "decimal mark, and no separator of thousands"
+            )
+
+
+def _said(cell: str) -> str:
+    return f"is {short(cell)!r}, which is no finite number" if cell else "is empty"
+
+
 def _numbers(sheet: Sheet, what: str, column: int) -> tuple[FloatArray, str]:
     """Read the numbers of a column, and the unit behind each; or name the first that is none."""
-    parts = [parted(row[column].strip()) for row in sheet.rows]
+    written = [row[column].strip() for row in sheet.rows]
+    with suppress(ValueError):  # far faster, where nothing is to be looked at cell by cell
+        plain = np.array(list(map(float, written)))
+        if np.isfinite(plain).all() and not any("_" in cell for cell in written):
+            return plain, ""
+    parts = list(map(parted, written))
     cells = [number for number, _ in parts]
     values = [number_in(cell) for cell in cells]
     units = {parts[k][1]: k for k in reversed(range(len(cells))) if values[k] is not None}
     if len(units) > 1:
         first, other = sorted(units.values())[:2]
-        here, there = (short(sheet.rows[k][column].strip()) for k in (other, first))
+        here, there = short(written[other]), short(written[first])
         raise ValueError(
             f"line {sheet.lines[other]}: {what} is {here!r} where line {sheet.lines[first]} has "
             f"{there!r}: write all in one unit, or without any"
@@ -212,7 +279,7 @@ def _numbers(sheet: Sheet, what: str, column: int) -> tuple[FloatArray, str]:
     found = np.empty(len(cells))
     for k, (cell, value) in enumerate(zip(cells, values, strict=True)):
         if value is None or not isfinite(value):
-            said = f"is {short(cell)!r}, which is no finite number" if cell else "is empty"
+            said = _said(cell)
             if k == 0 and re.fullmatch(r"[^\W\d_]+", cell):
                 raise ValueError(
                     f"line {sheet.lines[k]}: {what} {said}: write numbers in place of words, such "
@@ -220,7 +287,7 @@ def _numbers(sheet: Sheet, what: str, column: int) -> tuple[FloatArray, str]:
                 )
             more = (
                 "; write thousands without a separator"
-                if value is None and re.fullmatch(r"[+-]?\d{1,3}([ .,']\d{3})+([.,]\d*)?", cell)
+                if value is None and THOUSANDS.fullmatch(cell)
                 else ", or fill a short gap yourself"
             )
             if what == "t" and not cell:
@@ -292,7 +359,8 @@ def _without_unit(times: FloatArray, head: str) -> tuple[FloatArray, tuple[str, 
         days = EXCEL_DAYS[0] <= start <= EXCEL_DAYS[1] and start % 1 and span < 10
         date = head.lower().startswith("date") and start < 1e8
         if days or date or start >= 1e11:
-            guess = "d" if days or date else "ms"
+            since = next(unit for unit, most in EPOCHS.items() if start < most)
+            guess = "d" if days or date else since
             raise ValueError(
                 f"t begins with {start:.12g} and its unit is not named; this can hardly be "
                 f"seconds: name the unit in the heading, or say it, such as --columns "

@@ -12,9 +12,9 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from .columns import known
-from .parsing import is_value, short
+from .parsing import NUMBER, is_value, short
 
-__all__ = ["Sheet", "read_sheet"]
+__all__ = ["SEEN", "Sheet", "read_sheet"]
 
 MOST_BYTES, MOST_ROWS = 50_000_000, 200_000  # sizes beyond which a file is refused
 SEEN = 200  # lines by which it is found how columns are separated
@@ -25,6 +25,10 @@ space."""
 
 COMMENT = re.compile(r"\s*(#|%|//)\s*")
 STAMP = re.compile(r"\s*(\d\d?:\d\d:\d\d(?:[.,]\d+)?)\s+->\s+")  # by the monitor of a serial port
+BEHIND = re.compile(r"(\s*[-+.\d].*\S)\s+(#|//)\s.*")  # a comment behind numbers
+# A number behind its name, as for a serial plotter.
+LABELLED = re.compile(rf"([^\W\d]\w*)\s*[:=]\s*({NUMBER.pattern})")
+PLOTTED = re.compile(rf"((?:{STAMP.pattern})?)((?:{LABELLED.pattern}[\s,;|]*){{2,}})")
 MARKUP = re.compile(r"\s*(\{|\[\s*[\[{]|<)")
 MOST_BREAKS = 3  # lines over which a cell in quotes may go on
 UPPERS = 3  # lines of text above the numbers among which the headings are
@@ -52,7 +56,11 @@ def read_sheet(path: Path) -> Sheet:
     text, notes = _text(path)
     name = short(path.name)
     every = list(enumerate(re.split(r"\r\n|\r|\n", text), 1))
-    kept = [(k, line) for k, line in every if line.strip() and not COMMENT.match(line)]
+    kept = [
+        (k, BEHIND.sub(r"\1", line) if ("#" in line or "//" in line) and '"' not in line else line)
+        for k, line in every
+        if line.strip() and not COMMENT.match(line)
+    ]
     if MARKUP.match(text):
         raise ValueError(
             f"{name} is no table, but looks like JSON or XML: save it as CSV, a row for each sample"
@@ -64,7 +72,7 @@ def read_sheet(path: Path) -> Sheet:
             f"{name} has {len(kept)} lines; at most {MOST_ROWS} are read: cut out the stretch "
             "that matters, or keep every tenth line"
         )
-    kept, cut = _unstamped(kept)
+    kept, cut = _unstamped(_unlabelled(kept))
     notes += cut
     if named := re.fullmatch(r'"?sep=(.)"?', kept[0][1].strip(), re.I):  # for spreadsheets
         kept, separator = _joined(kept[1:]), named[1]
@@ -120,7 +128,7 @@ def _text(path: Path) -> tuple[str, tuple[str, ...]]:
             f"{name} is no table of text, see line {line}: save it as CSV, not as a spreadsheet; "
             "or, if that line alone is damaged, take it out"
         )
-    return text, notes
+    return text.replace("\u2212", "-"), notes  # a minus sign of print
 
 
 def _encoding(raw: bytes) -> str:
@@ -133,6 +141,24 @@ def _encoding(raw: bytes) -> str:
         if len(start) > 10 and not any(zeros) and all(others):
             return name
     return "utf-8-sig"
+
+
+def _unlabelled(kept: list[tuple[int, str]]) -> list[tuple[int, str]]:
+    """Make headings of the names before all numbers; a line that has others is left as it is."""
+    if not PLOTTED.fullmatch(kept[len(kept) // 2][1]):
+        return kept
+    found: list[tuple[int, str]] = []
+    heading = ""
+    for number, line in kept:
+        if plotted := PLOTTED.fullmatch(line):
+            pairs = [each.group(1, 2) for each in LABELLED.finditer(line, len(plotted[1]))]
+            names, numbers = map("\t".join, zip(*pairs, strict=True))
+            if not heading:
+                heading = names
+                found.append((number, plotted[1] + heading))
+            line = plotted[1] + numbers if names == heading else line
+        found.append((number, line))
+    return found
 
 
 def _unstamped(kept: list[tuple[int, str]]) -> tuple[list[tuple[int, str]], tuple[str, ...]]:
@@ -159,7 +185,7 @@ def _joined(kept: Sequence[tuple[int, str]]) -> list[tuple[int, str]]:
     lines = iter(kept)
     for number, line in lines:
         more = [line]
-        while sum(part.count('"') for part in more) % 2 and len(more) < MOST_BREAKS:
+        while len(more) < MOST_BREAKS and sum(part.count('"') for part in more) % 2:
             after = next(lines, None)
             if after is None:
                 break
@@ -183,6 +209,8 @@ def _separator(sample: Sequence[str]) -> str:
 def _cells(line: str, separator: str) -> list[str]:
     if separator == " ":
         return line.split()
+    if '"' not in line:
+        return line.split(separator)
     return next(csv.reader([line], delimiter=separator), [])
 
 

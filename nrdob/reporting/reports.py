@@ -210,7 +210,7 @@ def _composed(
         loop, process, name = subject, subject.process, "Loop"
     if isinstance(subject, Record):
         name, step = subject.name or "Record", subject.sampling_time
-        progress("The process behind it")
+        progress(f"The process behind {subject.t.size} samples")
         process = _identified(subject, sections)
     if isinstance(process, Identification):
         identification, process = process, process.process

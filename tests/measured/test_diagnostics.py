@@ -263,15 +263,38 @@ def test_outliers_are_told():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("begins", [True, False])
-def test_a_spike_that_a_fit_would_follow_is_left_out(begins):
+def test_what_a_sensor_writes_where_it_fails_is_left_out():
+    t, u, y = lag(np.where(np.arange(240) // 60 % 2, 1.0, 0.0))
+    failed = [20, 101, 102 + 60, 200]
+    y[failed] = -9999, -9999, -7999, -9999
+    with pytest.warns(UserWarning, match=r"y is -9999 at sample 20, and 3 more, .* left out"):
+        found = identify(t, u, y)
+    assert np.flatnonzero(~found.record.free).tolist() == failed
+    assert found.parameters["gain"].value == pytest.approx(2.0, rel=0.01)
+
+
+@pytest.mark.slow
+def test_an_outlier_at_the_end_is_told():
+    t, u, y = lag(switched())
+    y[[250, -1]] += [3, -2]
+    (said,) = identify(t, u, y, structure=ONE_LAG).remarks
+    assert said.startswith("y has 2 outliers, such as")
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("place", "value"),
+    [
+        (0, 3.75),  # the sensor was not ready
+        (120, 1482),  # right after a step, where a structure with a zero makes it a response
+        (239, 3),  # the last line of the file is cut off
+    ],
+)
+def test_a_spike_that_a_fit_would_follow_is_left_out(place, value):
     t, u, y = lag(np.where(np.arange(240) < 120, 0.0, 1.0))
     y = y + 30
-    if begins:  # the sensor was not ready
-        y[0] = 3.75
-    else:  # right after a step, where a structure with a zero makes it a response
-        y[120] = 1482
-    place = "y is 3.75 at sample 0" if begins else "y is 1482 at sample 120"
+    y[place] = value
+    place = f"y is {value} at sample {place}"
     with pytest.warns(UserWarning, match=f"{place}, far from the samples .* left out"):
         found = identify(t, u, y)
     assert found.structure == ONE_LAG

@@ -1,5 +1,7 @@
 """Processes out of records: known truth, the measured plant, and what is wrong with a record."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.optimize import least_squares
@@ -7,8 +9,9 @@ from scipy.signal import lfilter
 
 import nrdob
 from nrdob.measured import STRUCTURES, checked_record, heated_air, identified, identify, read_data
-from nrdob.measured.parameters import Parameter, corners_of
-from nrdob.measured.residuals import check_residuals
+from nrdob.measured.fitting import Fit
+from nrdob.measured.parameters import Parameter, corners_of, process_of
+from nrdob.measured.residuals import Whitening, check_residuals
 from nrdob.measured.structures import free_responses, held_responses
 from nrdob.reporting import propose
 from tests.campaigns.identification import DISTURBANCES, held, measured, response
@@ -392,3 +395,10 @@ def test_an_integrator_whose_record_begins_with_the_step_needs_to_be_known_at_re
     found = nrdob.identify(t[2:], u[2:], np.round(y + noise)[2:], input_before=0)
     assert found.parameters["gain"].low < 4 < found.parameters["gain"].high
     assert not found.unsure
+
+
+def test_a_thousandth_of_a_sample_is_no_dead_time():
+    rough = Fit(STRUCTURES[1], np.array([1e-3, 3.0]), np.ones(1), 0, False, Whitening(), 0.0, 0.0)
+    assert process_of(rough, 0.1, 1.0).delay == 0
+    late = replace(rough, shape=np.array([0.02, 3.0]))
+    assert process_of(late, 0.1, 1.0).delay == pytest.approx(0.002)

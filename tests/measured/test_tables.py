@@ -132,6 +132,29 @@ DRESSES = {
         lines("50.0\t2", lambda *e: (f"{clocked('%H:%M:%S')(*e)[0]} -> {e[2]}", f"{e[3]}"), "\t"),
         {},
     ),
+    "a serial plotter": (
+        lines("Ready.", lambda *e: (f"T:{e[3]}", f"Q:{e[2]}"), " "),
+        NO_TIMES | {"columns": {"u": "Q", "y": "T"}},
+    ),
+    "a serial plotter in a monitor": (
+        lines("", lambda *e: (
+            f"{clocked('%H:%M:%S.%f')(*e)[0]} -> u = {e[2]}", f"y = {e[3]}"), ", "), {},
+    ),
+    "comments behind numbers": (
+        lines("t\tu\ty", lambda k, *e: (
+            *plain(k, *e)[:2], f"{e[2]}" + " # switched, or not" * (k % 40 == 0)), "\t"), {},
+    ),
+    "microseconds": (lines("micros,u,y", in_unit(1e-6)), {}),
+    "missing values": (
+        lines("t,u,y", lambda k, t, u, y: (
+            f"{t}", f"{u}" if k != 95 else "null",
+            f"{y}" if k % 60 != 57 else ("NaN", "-", "---", "#N/A", "n/a", "")[k // 60],
+        )), {},
+    ),
+    "missing values without times": (
+        lines("u,y", lambda k, t, u, y: (f"{u}", f"{y}" if k != 57 else "NaN")),
+        NO_TIMES,
+    ),
     "old line ends": (lines("t,u,y", plain).replace("\n", "\r"), {}),
     "sep=": ("sep=;\n" + lines("t;u;y", comma, ";"), {}),
     "a row is missing": (lines("t,u,y", plain, keep=[k for k in range(COUNT) if k != 57]), {}),
@@ -174,10 +197,14 @@ REFUSED = {
     "control characters": (b"t,u,y\n0,\x01,1\n", "see line 2"),
     "no number": (spoilt(9, "7,on,2"), "line 9: u is 'on', which is no finite number; cut"),
     "text in the second line": (spoilt(2, "0,on,2"), "line 2: u is 'on'"),
-    "nan": (spoilt(9, "7,1,nan"), "line 9: y is 'nan'.* take the line out"),
+    "many missing": (
+        replaced(lambda k: f"{k},{k // 7 % 2 if k % 7 == 0 else ''},{k % 5}"),
+        "line 3: u is empty, .* missing in 51 of 60 lines; .* 5 % .* written only where it changes",
+    ),
+    "missing times": (spoilt(9, "nan,1,1"), "line 9: t is 'nan'.* take the line out"),
     "infinite": (spoilt(9, "7,-inf,1"), "line 9: u is '-inf'"),
     "too large": (spoilt(9, "7,1e300,1"), "u is 1e.300 at line 9"),
-    "an empty cell": (spoilt(9, "7,,1"), "line 9: u is empty"),
+    "an empty cell": (spoilt(9, ",7,1"), "line 9: t is empty"),
     "a short row": (spoilt(9, "7,1"), "line 9 has 2 cells where the first has 3"),
     "a long row": (spoilt(9, "7,1,2,3"), "line 9 has 4 cells .* semicolons"),
     "a formula": (spoilt(9, "7,=1+1,2"), "line 9: u is '=1\\+1'"),
@@ -196,6 +223,17 @@ REFUSED = {
     "points and commas": (
         replaced(lambda k: f"{k};{k // 7 % 2}{'.,'[k == 30]}5;{k % 5}", "t;u;y"),
         "line 32: u is '0,5' where another line has '0.5': use one decimal mark",
+    ),
+    "thousands and decimals": (
+        replaced(lambda k: f"{k},000;1.000,{k // 7 % 2};1.050,{k % 5}", "t;u;y"),
+        "line 2: u is '1.000,0'.* thousands without",
+    ),
+    "thousands parted by blanks": (
+        replaced(lambda k: f"{k};{k // 7 % 2};1\u202f00{k % 5}", "t;u;y"), "thousands without",
+    ),
+    "points as thousands beside decimal commas": (
+        replaced(lambda k: f"{k},5;{k // 7 % 2},0;1.00{k % 5}", "t;u;y"),
+        "line 2: y is '1.000', which may have a point between thousands where t has '0,5'",
     ),
     "thousands beside small numbers": (
         replaced(lambda k: f"{k};{k // 7 % 2};{format(990 + k, ',')}", "t;u;y"),
@@ -276,6 +314,26 @@ REFUSED = {
         replaced(lambda k: f"{1700000000000 + 1000 * k},{k // 7 % 2},{k % 5}", "t,u,y"),
         "can hardly be seconds: .* \\[ms\\]",
     ),
+    "Unix times in microseconds": (
+        replaced(lambda k: f"{1700000000000000 + 500000 * k},{k // 7 % 2},{k % 5}"),
+        "can hardly be seconds: .* \\[us\\]",
+    ),
+    "summer time": (
+        replaced(lambda k: f"2024-03-31 0{1 + (k > 29)}:59:{k:02},{k // 7 % 2},{k % 5}"),
+        "samples are missing, .* an hour is what summer time",
+    ),
+    "the end of summer time": (
+        replaced(lambda k: f"2024-10-27 0{2 - (k > 29)}:59:{k:02},{k // 7 % 2},{k % 5}"),
+        "at line 32; times must increase: .* an hour is what summer time",
+    ),
+    "words that are no switch": (
+        replaced(lambda k: f"{k},{'idle' if k // 7 % 2 else 'heating'},{k % 5}"),
+        "line 2: u is 'heating'.*write numbers in place of words",
+    ),
+    "a set point beside an output of a controller": (
+        replaced(lambda k: f"{k},40,{k % 5},{k // 7 % 2}", "time,SP,PV,CO"),
+        "choose, such as .*u=CO,y=PV",
+    ),
     "which input": (
         replaced(lambda k: f"{GOOD[k]},1", "Time,u1,y,u2"),
         "u may be 'u1' or 'u2': choose, such as --columns t=Time,u=u1,y=y; in Python columns=",
@@ -287,6 +345,10 @@ REFUSED = {
     "a counter beside the times": (
         replaced(lambda k: f"{k},20,{GOOD[k]}", "Nr,room,Uhr [min],valve,oven"),
         "choose, such as --columns t=3,u=valve,y=room",
+    ),
+    "two columns, one called T": (
+        replaced(lambda k: f"T:{k % 5} Q:{k // 7 % 2}", "Ready."),
+        "'T', 2 'Q'; 3 are needed: t, u, y; without times give the sampling time",
     ),
     "one name twice": (
         replaced(lambda k: f"{GOOD[k]},1", "t,u,y,u"), "u may be 'u' or 'u'",
@@ -564,7 +626,7 @@ def test_times_are_the_column_of_dates_and_empty_columns_are_nothing(tmp_path):
     [
         ('{"12:00:00": {"u": 1, "y": 2}}', "no table, but looks like JSON or XML: save it as CSV"),
         ("t,u,y\n0,1,2\n1,\x004,3\n", "see line 3.*if that line alone is damaged, take it out"),
-        ("t,u,y\n0,off,2\n1,on,3\n", "line 2: u is 'off'.*write numbers in place of words"),
+        ("t,u,y\n0,idle,2\n1,heat,3\n", "line 2: u is 'idle'.*write numbers in place of words"),
         ("yVal,uVal,v,Ts\n" + "1,2,3,4\n" + "1,2,3,\n" * 30, "choose.*u=uVal,y=yVal;"),
         ("u,y,Ts\n" + "1,2,4\n" + "1,2,\n" * 30, "t is empty.*give the sampling time"),
     ],
@@ -582,3 +644,33 @@ def test_a_row_between_two_samples_is_no_missing_one():
     (said,) = record.remarks
     assert "between 0.3 and 1 s apart: resampled" in said and "missing" not in said
     assert record.y == pytest.approx(np.sin(record.t / 9), abs=5e-3)
+
+
+def test_a_heater_that_is_on_or_off_is_an_input_of_1_and_0(tmp_path):
+    path = tmp_path / "data.csv"
+    for words in (("off", "on"), ("FALSE", "TRUE")):
+        path.write_text(replaced(lambda k, words=words: f"{k},{words[k // 7 % 2]},{k % 5}"))
+        record = read_data(path)
+        assert record.u.tolist() == [k // 7 % 2 for k in range(60)]
+        (said,) = record.remarks
+        assert said.startswith(f"u is '{words[0]}' or '{words[1]}', read as 0 and 1")
+
+
+def test_a_minus_sign_may_be_that_of_print(tmp_path):
+    path = tmp_path / "data.csv"
+    path.write_text(replaced(lambda k: f"{k};{k // 7 % 2};{k % 5 - 2}").replace("-", "\u2212"))
+    assert read_data(path).y[:5].tolist() == [-2, -1, 0, 1, 2]
+
+
+def test_missing_values_are_missing_samples(tmp_path):
+    text, options = DRESSES["missing values"]
+    path = tmp_path / "data.csv"
+    path.write_text(text)
+    record = read_data(path, **options)
+    assert np.flatnonzero(~record.free).tolist() == [57, 95, 117, 177, 237, 297, 357]
+    assert any("missing in line 59 and 6 more" in note for note in record.notes)
+
+
+def test_what_moves_like_an_output_and_is_called_u_is_doubted():
+    with pytest.warns(UserWarning, match="as if u and y were swapped"):
+        identify(T, Y, U, structure="one lag with dead time")

@@ -450,11 +450,12 @@ def test_the_command_says_in_a_sentence_what_is_wrong(capsys, arguments, said):
 
 def test_the_command_names_the_line_of_a_table(tmp_path, capsys):
     path = tmp_path / f"{UNKIND.replace('/', '')}.csv"
-    path.write_text("t,u,y\n" + "\n".join(f"{k},{k % 2},{k if k - 7 else ''}" for k in range(30)))
+    rows = (f"{k},{k % 2},{k if k - 7 else 'off'}" for k in range(30))
+    path.write_text("t,u,y\n" + "\n".join(rows))
     code, out = run(capsys, "report", path)
     assert code == 1 and out.err == (
-        "nrdob: line 9: y is empty; cut the record there, take the line out (a few missing lines "
-        "are filled in), or fill a short gap yourself\n"
+        "nrdob: line 9: y is 'off', which is no finite number; cut the record there, take the line "
+        "out (a few missing lines are filled in), or fill a short gap yourself\n"
     )
 
 
