@@ -31,22 +31,11 @@ several."""
 
 LIKELY = {
     "u": (
-        "q",
-        "heater",
-        "valve",
-        "dac",
-        "pwm",
-        "duty",
-        "esc",
-        "voltage",
-        "effort",
-        "command",
-        "co",
-        "op",
-        "cv",
+        "q", "heater", "valve", "dac", "pwm", "duty", "esc", "voltage", "effort", "command", "co",
+        "op", "cv",
     ),
     "y": ("t", "temp", "temperature", "level", "flow", "pressure", "adc", "angle", "speed", "rpm"),
-}
+}  # fmt: skip
 """Words in headings of which the example in a question is made; nothing is taken for them."""
 
 # Headings of columns that number the rows: never taken for times.
