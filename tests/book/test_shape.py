@@ -156,3 +156,13 @@ def test_a_picture_behind_other_text_stays_where_it_is() -> None:
     cells = [opening, chapters.new_cell("text", "## A section"), figure]
     chapters.picture_first(cells)
     assert [cell["id"] for cell in cells] == ["opening", "text", "turn"]
+
+
+def test_every_chapter_that_is_read_through_opens_with_a_picture() -> None:
+    without = []
+    for path in sorted((ROOT / "notebooks").glob("*.ipynb")):
+        cells = nbformat.read(path, as_version=4).cells
+        chapters.picture_first(cells)
+        if "figure" not in cells[1].metadata.get("mystnb", {}):
+            without.append(path.stem)
+    assert without == ["A_proofs"]
