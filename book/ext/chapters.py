@@ -1,9 +1,9 @@
 """The chapters on their way onto the pages: what each gets before Sphinx reads it, and a last look.
 
-While a chapter is read its title gets its number, and the figures attached to its question are laid
-beside the page; behind the question, or the first figure, comes what can be moved, as
-``explorables.toml`` has it; and behind a cell whose metadata names claims, as
-``{"claims": ["eq03"]}``, they are shown at the margin.
+While a chapter is read its title gets its number, its opening picture comes up to the question that
+it belongs to, and the figures attached to the prediction are laid beside the page; behind the
+prediction, or the first figure, comes what can be moved, as ``explorables.toml`` has it; and behind
+a cell whose metadata names claims, as ``{"claims": ["eq03"]}``, they are shown at the margin.
 
 A build fails on a chapter that lacks what `shape` says, whatever Sphinx remembers of an earlier
 one. And Sphinx forgets all of it when a program that makes pages has changed: the number of this
@@ -17,6 +17,7 @@ import json
 import re
 from collections.abc import Iterable
 from io import BytesIO
+from itertools import takewhile
 from pathlib import Path
 from typing import Any
 from zlib import crc32
@@ -33,6 +34,7 @@ from shape import faults_of_book
 
 CHAPTERS, PICTURES = "chapters", "predictions"
 BOOK = Path(__file__).resolve().parents[1]
+GOALS = "**You will be able to**"
 CHAPTER = re.compile(rf"{CHAPTERS}/(0?(\d+|[A-Z])_\w+)")
 
 logger = logging.getLogger(__name__)
@@ -56,6 +58,7 @@ def complete(app: Sphinx, page: str, source: list[str]) -> None:
     cells[0]["source"] = re.sub(r"\A# ", rf"# {chapter[2]}. ", title)
     ask(app, chapter[1], cells)
     move(app, chapter[1], cells)
+    picture_first(cells)
     notebook["cells"] = [each for cell in cells for each in (cell, *claims_beside(cell))]
     source[0] = json.dumps(notebook)
 
@@ -85,6 +88,22 @@ def move(app: Sphinx, chapter: str, cells: list[dict[str, Any]]) -> None:
         figures = [k for k, each in enumerate(about) if "figure" in each.get("mystnb", {})]
         text = f"```{{explorable}} {chapter}\n```"
         cells.insert((questions + figures)[0] + 1, new_cell("explorable", text))
+
+
+def picture_first(cells: list[dict[str, Any]]) -> None:
+    """Bring the opening picture up to the question, before what the chapter teaches.
+
+    A notebook runs in order, so there the first imports come before the picture. Only a picture
+    before any other text opens a chapter.
+    """
+    opening = takewhile(lambda cell: cell["cell_type"] == "code", cells[1:])
+    pictures = [cell for cell in opening if "figure" in cell["metadata"].get("mystnb", {})]
+    question, goals, rest = "".join(cells[0]["source"]).partition(GOALS)
+    if not (pictures and goals):
+        return
+    cells.remove(pictures[0])
+    cells[0]["source"] = question
+    cells[1:1] = [pictures[0], new_cell("goals", goals + rest)]
 
 
 def claims_beside(cell: dict[str, Any]) -> list[dict[str, Any]]:

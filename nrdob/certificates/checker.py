@@ -77,7 +77,7 @@ def prove(certificate: Any) -> tuple[Any, ...]:
     counts = ", ".join(f"{name} {n}" for name, n in zip(functions, claims, strict=True))
     counts += f"; {factors} cancel inside its blocks, to {float(uneven):.0e}" if factors else ""
     verdict = "unstable" if any(claims) else "internally stable"
-    verdict += f" for all blocks between {len(built)}" if len(built) > 1 else ""
+    verdict += f" for all blocks between {len(built)} corners" if len(built) > 1 else ""
     same = [*others, cancelled], [G | {"delay": 0} for G in processes]
     return (verdict, f"Re {variable} >= 0: {counts}", *same), filters, delay - reach, delay + reach
 

@@ -135,3 +135,34 @@ def test_the_build_warns_of_it_and_so_fails(
         ("chapters/17_lemma_1", "does not open with its title, '# …'"),
         ("chapters/17_lemma_1", "has no figure"),
     ]
+
+
+def test_on_the_page_the_opening_picture_stands_at_its_question() -> None:
+    *_, figure = chapter()
+    imports = chapters.new_cell("imports", "") | {"cell_type": "code"}
+    question = "# 1. A title\n\nWhy?\n\n**You will be able to**\n\n- say"
+    opening = chapters.new_cell("opening", question)
+    text = chapters.new_cell("text", "## A section")
+    cells = [opening, imports, figure, text]
+    chapters.picture_first(cells)
+    assert [cell["id"] for cell in cells] == ["opening", "turn", "goals", "imports", "text"]
+    assert cells[0]["source"].endswith("Why?\n\n")
+    assert cells[2]["source"] == "**You will be able to**\n\n- say"
+
+
+def test_a_picture_behind_other_text_stays_where_it_is() -> None:
+    *_, figure = chapter()
+    opening = chapters.new_cell("opening", "# A. A title\n\n**You will be able to**\n\n- say")
+    cells = [opening, chapters.new_cell("text", "## A section"), figure]
+    chapters.picture_first(cells)
+    assert [cell["id"] for cell in cells] == ["opening", "text", "turn"]
+
+
+def test_every_chapter_that_is_read_through_opens_with_a_picture() -> None:
+    without = []
+    for path in sorted((ROOT / "notebooks").glob("*.ipynb")):
+        cells = nbformat.read(path, as_version=4).cells
+        chapters.picture_first(cells)
+        if "figure" not in cells[1].metadata.get("mystnb", {}):
+            without.append(path.stem)
+    assert without == ["A_proofs"]

@@ -56,7 +56,7 @@ def test_the_edge_lies_between_marks(group: int) -> None:
     case = own_case("5.4", group)
     value, omega = edge_of(case)
     figure = draw_edge(case)
-    frequencies, points = figure.alt.split(". Γ₂ passes x = ")
+    frequencies, points = figure.alt.split(". −Γ₂ passes x = ")
     plt.close(figure.figure)
     marks = [float(part.split(" rad/s")[0]) for part in frequencies.split("ω = ")[1].split(", ")]
     x = [float(part.split(" at ")[0]) for part in points.split(", ")]

@@ -120,7 +120,7 @@ def draw_crossing(loop: NRDOB, value: float, omega: float) -> Figure:
         ax.set(xlabel="real part", ylabel="imaginary part")
         label = r"$H$, marked at $\omega$ in rad/s"
         lines = ax.plot(along_H.real, along_H.imag, color=COLOURS["process"], label=label)
-        label = r"$\Gamma_2$, marked at $x$"
+        label = r"$-\Gamma_2$, marked at $x$"
         ax.plot(along_curve.real, along_curve.imag, color=COLOURS["filter"], label=label)
         point = half / 125  # of type, about
         labels = _marks(ax, H, frequencies, "process", along_curve, point)
@@ -131,7 +131,7 @@ def draw_crossing(loop: NRDOB, value: float, omega: float) -> Figure:
         ax.legend(loc="best")
     places = ", ".join(f"{number(w)} rad/s at {written(H(w), _two_digits)}" for w in frequencies)
     points = ", ".join(f"{number(v, 2)} at {written(_gamma(v), _two_digits)}" for v in x)
-    return Figure(lines, ax, alt=f"H passes ω = {places}. Γ₂ passes x = {points}")
+    return Figure(lines, ax, alt=f"H passes ω = {places}. −Γ₂ passes x = {points}")
 
 
 _two_digits = partial(number, digits=2)

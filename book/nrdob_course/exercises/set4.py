@@ -440,7 +440,7 @@ class SlowCase:
 
 
 def _onset(case: SlowCase) -> float:
-    """Give the size at which H(0) meets Γ_n, sec^n(π/n): the bound of G(0)/model(0), less 1."""
+    """Give the size at which H(0) meets -Γ_n, sec^n(π/n): the bound of G(0)/model(0), less 1."""
     return gain_bound(case.order) - 1
 
 
