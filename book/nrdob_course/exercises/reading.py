@@ -28,7 +28,7 @@ REAL, NOTHING = 1e-9, 1e-12
 """An imaginary part is rounding, if it is a smaller share than this, or a smaller number."""
 
 LARGEST = 1e100
-"""Finite numbers beyond it are refused: what is computed of them overflows, and inf is not > inf."""
+"""Finite numbers beyond it are refused: what is computed of them overflows to inf, or to nan."""
 
 UNORDERED = (
     str, bytes, dict, set, frozenset, np.poly1d, np.polynomial.Polynomial, ct.InputOutputSystem,
