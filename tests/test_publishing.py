@@ -37,12 +37,14 @@ def built(tmp_path_factory: pytest.TempPathFactory) -> Path:
         shutil.copytree(ROOT / folder, place / folder, ignore=skipped)
     for path in filter(Path.is_file, ROOT.iterdir()):
         shutil.copy(path, place)
+    shutil.copy(ROOT / "book" / "pyproject.toml", place / "book")
     settings = (place / "pyproject.toml").read_text("utf-8")
     given = settings.replace('repository = ""', 'repository = "https://example.org/nrdob"')
     assert given != settings
     (place / "pyproject.toml").write_text(given, "utf-8")
     for module, kind in zip(builders, ("WheelBuilder", "SdistBuilder"), strict=True):
         list(getattr(module, kind)(str(place)).build(directory=str(place / "dist")))
+    list(builders[0].WheelBuilder(str(place / "book")).build(directory=str(place / "course")))
     return place / "dist"
 
 
@@ -62,6 +64,45 @@ def test_wheel_and_sdist_hold_the_package_and_no_course(built: Path) -> None:
     assert (metadata["Name"], metadata["Version"]) == ("nrdob", PROJECT["version"])
     assert metadata["Project-URL"] == "Source, https://example.org/nrdob"
     assert metadata["License-Expression"] == "BSD-3-Clause"
+    # On the page of an index nothing lies beside the text.
+    page, here = metadata.get_payload(), "https://example.org/nrdob"
+    targets = re.findall(r'\]\(([^)]+)\)|src="([^"]+)"', page)
+    places = ["".join(target) for target in targets]
+    assert len(places) > 8 and all(place.startswith("https://") for place in places)
+    inside = [place.partition("/main/")[2] for place in places if place.startswith(here)]
+    assert len(inside) > 6 and all((ROOT / each.partition("#")[0]).exists() for each in inside)
+
+
+@pytest.mark.slow
+def test_students_are_told_of_the_wheel_with_the_checks_which_holds_no_solution(
+    built: Path,
+) -> None:
+    (course,) = built.with_name("course").glob("*.whl")
+    names = set(zipfile.ZipFile(course).namelist())
+    assert {"nrdob_course/exercises/set1.py", "nrdob_course/exercises/set1.toml"} <= names
+    assert not [name for name in names if name.endswith(".ipynb") or "problems.toml" in name]
+    told = (ROOT / "book" / "teaching" / "running.md").read_text("utf-8")
+    (install,) = re.findall(r"^python -m pip install (nrdob.*)$", told, re.MULTILINE)
+    assert install.split() == [*(each.name for each in built.glob("*.whl")), course.name]
+
+
+@pytest.mark.parametrize("path", WORKFLOWS, ids=lambda path: path.stem)
+def test_a_workflow_installs_what_its_tests_need(path: Path) -> None:
+    known = PROJECT["optional-dependencies"].keys()
+    for name, job in yaml.safe_load(path.read_text("utf-8"))["jobs"].items():
+        lines = "\n".join(step.get("run", "") for step in job["steps"])
+        for extras in re.findall(r"\.\[([\w,-]+)\]", lines):
+            assert set(extras.split(",")) <= known, (name, extras)
+        if "nrdob_course" in lines:
+            assert "-e ./book" in lines, name
+
+
+def test_the_lowest_versions_are_tested_of_all_that_is_declared() -> None:
+    jobs = yaml.safe_load((ROOT / ".github" / "workflows" / "ci.yml").read_text("utf-8"))["jobs"]
+    lines = "\n".join(step.get("run", "") for step in jobs["lowest"]["steps"])
+    for declared in PROJECT["dependencies"]:
+        name, version = declared.split(">=")
+        assert re.search(rf'"{name}=={re.escape(version)}(\.0)?"', lines), declared
 
 
 def test_versions_agree() -> None:

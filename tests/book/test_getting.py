@@ -13,6 +13,7 @@ from zipfile import ZipFile
 
 import pytest
 from bs4 import BeautifulSoup
+from hatchling.builders.wheel import WheelBuilder
 from pypdf import PdfReader
 
 import bundle
@@ -37,6 +38,14 @@ def test_the_archive_has_each_chapter_and_the_package(archive: ZipFile):
     assert {f"notebooks/{path.name}" for path in (ROOT / "notebooks").glob("*.ipynb")} <= names
     assert {f"book/nrdob_course/{each}/__init__.py" for each in ("claims", "exercises")} <= names
     assert {"nrdob/__init__.py", "nrdob/py.typed", "pyproject.toml", "LICENSE"} <= names
+
+
+@pytest.mark.slow
+def test_the_archive_can_be_installed(archive: ZipFile, tmp_path: Path):
+    archive.extractall(tmp_path)
+    for folder in ("nrdob-book", "nrdob-book/book"):  # as binder/requirements.txt names them
+        list(WheelBuilder(str(tmp_path / folder)).build(directory=str(tmp_path / "wheels")))
+    assert len(list((tmp_path / "wheels").glob("*.whl"))) == 2
 
 
 @pytest.mark.slow

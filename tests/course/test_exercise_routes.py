@@ -20,6 +20,7 @@ from nrdob import NRDOB, LowPassFilter
 from nrdob.analysis import encirclements
 from nrdob_course.exercises import PROBLEMS, own_case, score
 from nrdob_course.exercises.cases import s
+from nrdob_course.grading.encoding import decode, encode
 from problemsets import SETS, Posed, once_a_case, posed, published, rounded
 
 Route = Callable[[Any], Any]
@@ -782,3 +783,30 @@ def test_what_is_no_answer_is_told_kindly(this: Posed) -> None:
         assert found.share < 1, misfit
         assert not re.search(r"Error\b", found.text), (misfit, found.text)
         assert len(found.text) < 1000
+
+
+def filled(data: Any, value: float) -> Any:
+    """Write one number in the place of every number of an answer, as it is sent to the graders."""
+    match data:
+        case {"tf": [num, den, dt]}:
+            return {"tf": [filled(num, value), filled(den, value), dt]}
+        case {"filter": _}:
+            return {"filter": [value, 1]}
+        case dict():
+            return {k: part if k == "shape" else filled(part, value) for k, part in data.items()}
+        case list():
+            return [filled(each, value) for each in data]
+        case str() | bool() | None:
+            return data
+    return value
+
+
+@pytest.mark.parametrize("value", [1e308, 1.7e308])
+@each_problem
+def test_numbers_whose_sums_overflow_earn_nothing(this: Posed, value: float) -> None:
+    try:
+        found = changed(this, 2, lambda right: decode(filled(encode(right), value)))
+    except ValueError:  # blocks that cannot be built are refused where they arrive
+        assert this.id in BLOCKS
+        return
+    assert found.share == 0, found.text

@@ -53,6 +53,16 @@ def test_a_twin_with_an_unstable_filter_is_no_right_one_that_was_rounded(c: floa
             assert (found.recognised, found.share) == ("a filter that is unstable", 0.25)
 
 
+@pytest.mark.parametrize("twin", [(0, 0), (0.0, [0.0], [1.0]), (1e-9, 1e-9), (1e-300, 1e-300)])
+def test_a_twin_of_nothing_is_no_filter_scaled_along(twin: tuple[Any, ...]) -> None:
+    assert score("1.5", lambda case: twin, 2, points=1, seed=11).feedback.share == 0
+
+
+@pytest.mark.parametrize("answer", [(0, 0), (0, 3), (-3, -3), (1, 0)])
+def test_no_model_or_no_filter_is_no_model_with_too_few_lags(answer: tuple[int, int]) -> None:
+    assert score("5.5", lambda case: answer, 2, points=1, seed=11).feedback.share == 0
+
+
 def test_a_twin_with_three_digits_is_told_that_it_is_rounded() -> None:
     def rounded(case: Any) -> Any:
         c, num, den = shifted(case, 2.0)

@@ -2,17 +2,24 @@
 
 from __future__ import annotations
 
+import base64
 from pathlib import Path
 from typing import Any
 
 import nbformat
 import pytest
 from bs4 import BeautifulSoup
+from nbconvert import HTMLExporter
 from nbconvert.filters import markdown2html
+from nbgrader.converters import GenerateFeedback
+from nbgrader.coursedir import CourseDirectory
 
+from browser import CHROMIUM, browser
 from nrdob_course.grading.autograde import is_sound
 from nrdob_course.grading.feedback import offline, with_note
 from problemsets import SETS, cells
+
+ROOT = Path(__file__).resolve().parents[2]
 
 
 @pytest.mark.parametrize(
@@ -93,7 +100,7 @@ def test_what_would_act_is_taken_out(harm: str) -> None:
 
 def test_a_page_tells_the_browser_to_load_nothing() -> None:
     page = offline("<html><head><title>t</title></head><body>a</body></html>")
-    [rule] = BeautifulSoup(page, "html.parser").find_all("meta", content=True)
+    [rule] = BeautifulSoup(page, "html.parser").find_all("meta", attrs={"http-equiv": True})
     assert rule["http-equiv"] == "Content-Security-Policy"
     assert rule["content"].startswith("default-src 'none'")
 
@@ -137,3 +144,25 @@ def test_a_student_cannot_write_the_teachers_note() -> None:
     assert "<!--note--><p><strong>two</strong></p><!--/note-->" in page
     assert "first" not in page and "<p>late</p>" in page
     assert with_note(page, "") == forged
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(CHROMIUM is None, reason="a page needs Chromium, and there is none here")
+def test_a_page_fits_a_phone(tmp_path: Path) -> None:
+    notebook = nbformat.read(SETS[1], as_version=4)
+    code = nbformat.v4.new_code_cell(f"answer = {list(range(60))}", id="long")
+    picture = base64.b64encode((ROOT / "book" / "_static" / "readme.png").read_bytes()).decode()
+    shown = [{"image/png": picture}, {"text/plain": "x" * 300}]
+    code.outputs = [nbformat.v4.new_output("display_data", data=data) for data in shown]
+    notebook.cells.append(code)
+    for cell in notebook.cells:
+        cell.metadata.get("nbgrader", {}).update(score=0, points=0, comment="")
+    exporter = HTMLExporter(config=GenerateFeedback(coursedir=CourseDirectory()).config)
+    resources = {"nbgrader": dict.fromkeys(("score", "max_score", "late_penalty"), 0)}
+    page, _ = exporter.from_notebook_node(notebook, resources)
+    (tmp_path / "page.html").write_text(offline(page), "utf-8")
+    with browser() as opened:
+        tab = opened.new_page(viewport={"width": 360, "height": 700}, is_mobile=True)
+        tab.goto((tmp_path / "page.html").as_uri())
+        room = tab.evaluate("[window.innerWidth, document.documentElement.scrollWidth]")
+    assert room == [360, 360]

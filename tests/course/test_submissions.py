@@ -63,6 +63,17 @@ def test_finding(
     assert all(this.reason or this.notebook for this in result)
 
 
+def test_answers_whose_cells_have_lost_their_names_are_not_marked_as_missing(
+    tmp_path: Path,
+) -> None:
+    content = tiny(1)
+    for cell in content["cells"]:
+        cell.update(id="x", metadata={})
+    write(tmp_path, {"a/set1.ipynb": content})
+    [this] = submissions.find(tmp_path, KNOWN)
+    assert "ask for the answers" in this.reason
+
+
 @pytest.mark.parametrize(
     "data",
     [

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Mapping, Sequence
-from math import nan
+from math import inf, nan
 from typing import Any
 
 import control as ct
@@ -26,6 +26,9 @@ __all__ = [
 
 REAL, NOTHING = 1e-9, 1e-12
 """An imaginary part is rounding, if it is a smaller share than this, or a smaller number."""
+
+LARGEST = 1e100
+"""Finite numbers beyond it are refused: what is computed of them overflows to inf, or to nan."""
 
 UNORDERED = (
     str, bytes, dict, set, frozenset, np.poly1d, np.polynomial.Polynomial, ct.InputOutputSystem,
@@ -86,6 +89,8 @@ def _real(given: Any) -> float:
     if abs(value.imag) > max(REAL * abs(value), NOTHING):
         words = f"this one has the imaginary part {value.imag:.3g}"
         raise UnreadableError(f"a real number is asked for; {words}")
+    if LARGEST < abs(value.real) < inf:
+        raise UnreadableError(f"a number of up to {LARGEST:g} is asked for; this is {value.real:g}")
     return value.real
 
 
@@ -213,6 +218,8 @@ def polynomial(given: Any) -> FloatArray:
         values = numbers(p).astype(complex)
     if np.abs(values.imag).max(initial=0) > REAL * np.abs(values).max(initial=0):
         raise UnreadableError("coefficients are asked for, which are real; these look like roots")
+    if np.abs(values.real).max(initial=0) > LARGEST:
+        raise UnreadableError(f"coefficients of up to {LARGEST:g} are asked for")
     used = np.flatnonzero(np.abs(values) > 1e-12 * np.abs(values).max(initial=0))
     return values.real[used[0] :] if used.size else np.zeros(1)
 

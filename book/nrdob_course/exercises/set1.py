@@ -366,6 +366,8 @@ def _twin(given: Any) -> Twin:
     """Read c and F', given as (c, num, den) or as (c, F')."""
     wanted = "three things are asked for, (c, num, den)"
     factor, *rest = things(given, wanted, (2, 3), names="c, num, den")
+    if number(factor) == 0:
+        raise UnreadableError("c is 0: a model of gain zero is none")
     return number(factor), block(rest[0] if len(rest) == 1 else tuple(rest))
 
 
@@ -413,7 +415,7 @@ def _nearly_a_twin(case: TwinCase, got: Twin) -> bool:
 
 
 def _is_filter(case: TwinCase, got: Twin, of: float) -> bool:
-    kept = np.allclose(got[1](POINTS), of * case.loop.F(POINTS), rtol=SAME_K)
+    kept = np.allclose(got[1](POINTS), of * case.loop.F(POINTS), rtol=SAME_K, atol=0)
     return bool(kept) and abs(got[0] - 1) > LEAST
 
 

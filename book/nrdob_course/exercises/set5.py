@@ -373,6 +373,8 @@ def _model_and_order(given: Any) -> tuple[ct.TransferFunction, int]:
     model = block(given_model)
     if not isinstance(model, ct.TransferFunction):
         raise UnreadableError("the model has a dead time; give one without")
+    if not np.any(model.num_array[0, 0]) or whole(order) < 1:
+        raise UnreadableError(f"{wanted}; neither can be nothing")
     return model, whole(order)
 
 

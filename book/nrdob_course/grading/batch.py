@@ -28,6 +28,7 @@ from .submissions import Submission
 __all__ = ["Batch", "Outcome", "replace"]
 
 WORKER = f"{__package__}.autograde"
+LIMIT = 1200.0  # seconds for one submission; its cells have a limit of their own
 FOUND = [str(Path(module.__file__ or "").resolve().parents[1]) for module in (nrdob, nrdob_course)]
 """Where the packages were found, so that the graders find the same."""
 
@@ -53,7 +54,7 @@ class Worker(Child):
         # Ctrl-C is for the batch, which then ends this one.
         super().__init__(WORKER, cwd=tempfile.gettempdir(), env=environment, start_new_session=True)
 
-    def run(self, order: dict[str, str], limit: float) -> int | None:
+    def run(self, order: dict[str, str]) -> int | None:
         """Grade one, and give the exit code; None if it took too long."""
         late = Event()
 
@@ -61,7 +62,7 @@ class Worker(Child):
             late.set()
             end(self.process.pid, itself=False)
 
-        timer = Timer(limit, stop)
+        timer = Timer(LIMIT, stop)
         timer.start()
         try:
             code = self.ask(order)
@@ -73,8 +74,8 @@ class Worker(Child):
 class Batch:
     """Grades the submissions that lie in a course's folder."""
 
-    def __init__(self, root: Path, jobs: int, limit: float) -> None:
-        self.root, self.jobs, self.limit = root.resolve(), jobs, limit
+    def __init__(self, root: Path, jobs: int) -> None:
+        self.root, self.jobs = root.resolve(), jobs
         self.idle: SimpleQueue[Worker] = SimpleQueue()
         self.workers: list[Worker] = []
 
@@ -128,13 +129,13 @@ class Batch:
         order = {"root": str(private), "student": student, "set": name, "source": str(source)}
         worker = self.idle.get()
         try:
-            code = worker.run(order, self.limit)
+            code = worker.run(order)
         except OSError:  # whatever ended it, the next one needs another
             self.open_worker()
             raise
         self.idle.put(worker)
         if code is None:
-            return f"it took longer than {self.limit:.0f} s"
+            return f"it took longer than {LIMIT:.0f} s"
         if code < 0:
             return f"something ended the grader (signal {-code})"
         return last_line((private / "log.txt").read_text("utf-8", "replace")) if code else ""

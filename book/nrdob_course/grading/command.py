@@ -50,7 +50,6 @@ def grade(
     wanted: Sequence[str] = (),
     target: Path = GRADING,
     jobs: int = 2,
-    limit: float = 1200,
     plan: Course | None = None,
     trust: bool = False,
 ) -> int:
@@ -94,7 +93,7 @@ def grade(
             else:
                 ready.append((entry["folder"], submission))
     try:
-        run(ready, target, records, jobs, limit)
+        run(ready, target, records, jobs)
         records.remark_shared_groups(plan)
     finally:  # after an interrupt, too
         write_tables(target, records, plan)
@@ -136,12 +135,10 @@ def hand_over(
         shutil.copy(picture, place)
 
 
-def run(
-    ready: list[tuple[str, Submission]], target: Path, records: Records, jobs: int, limit: float
-) -> None:
+def run(ready: list[tuple[str, Submission]], target: Path, records: Records, jobs: int) -> None:
     """Grade, and tell how it goes."""
     with course(target).gradebook as gradebook:
-        for count, outcome in enumerate(Batch(target, jobs, limit).grade(ready), start=1):
+        for count, outcome in enumerate(Batch(target, jobs).grade(ready), start=1):
             entry = records.add(outcome.submission, outcome.reason, outcome.seconds)
             if not outcome.reason:
                 marks.enter(gradebook, entry["folder"], outcome)
@@ -304,7 +301,6 @@ def regrade(
     who: str,
     why: str,
     jobs: int = 2,
-    limit: float = 1200,
     plan: Course | None = None,
 ) -> int:
     """Judge anew what some students have handed in, or some problems of all; it is logged.
@@ -324,7 +320,7 @@ def regrade(
     entries = {(entry["student"], entry["set"]): entry for entry in chosen}
     ready = [(entry["folder"], Submission(entry["student"], entry["set"])) for entry in chosen]
     failed = 0
-    for outcome in Batch(target, jobs, limit).grade(ready):
+    for outcome in Batch(target, jobs).grade(ready):
         submission = outcome.submission
         entry = entries[submission.student, submission.set]
         if outcome.reason:
@@ -377,12 +373,11 @@ ARGUMENTS: dict[str, dict[str, Any]] = {
     "--why": dict(required=True, metavar="REASON"),
     "--who": dict(default=login(), metavar="NAME", help="yours"),
     "--jobs": dict(type=int, default=2, help="how many at a time"),
-    "--limit": dict(type=float, default=1200, metavar="SECONDS", help="for one submission"),
     "--as-root": dict(action="store_true", help="run students' code even if you are root"),
     "--output": dict(dest="target", type=Path, default=GRADING, metavar="FOLDER"),
     "--course": dict(type=Path, metavar="FILE", help="roster, deadlines; by default course.toml"),
 }
-RUNNING, WRITING = ("--jobs", "--limit", "--as-root"), ("--output", "--course")
+RUNNING, WRITING = ("--jobs", "--as-root"), ("--output", "--course")
 ASKED: dict[str, tuple[str, ...]] = {
     "release": ("make the students' copies and the solutions", "sets", "--output"),
     "grade": ("grade what students handed in", "folder", "--set", "--trust", *RUNNING, *WRITING),

@@ -42,6 +42,14 @@ PLACE = re.compile(r"#|https?://", re.IGNORECASE)
 NOWHERE = "default-src 'none'; img-src data:; style-src 'unsafe-inline'"
 """What a browser is told: even if something got through, it can load nothing and run nothing."""
 
+NARROW = """
+img { max-width: 100%; height: auto; }
+pre, .output_subarea, .rendered_html { max-width: 100%; overflow-x: auto; }
+div.input, div.output_area { display: block; }
+div.inner_cell, div.prompt { min-width: 0; }
+"""
+"""What the template lacks for a phone: what is wide scrolls by itself, and the page does not."""
+
 
 def offline(page: str) -> str:
     """Convert a page of nbgrader's feedback, or a piece of one."""
@@ -53,8 +61,9 @@ def offline(page: str) -> str:
     title = BeautifulSoup(head, "html.parser").title
     return (
         f'<!DOCTYPE html>\n<html><head><meta charset="utf-8"/>'
+        f'<meta name="viewport" content="width=device-width"/>'
         f'<meta http-equiv="Content-Security-Policy" content="{NOWHERE}"/>'
-        f"{title or ''}{styles}</head><body>{_body(body)}</body></html>\n"
+        f"{title or ''}{styles}<style>{NARROW}</style></head><body>{_body(body)}</body></html>\n"
     )
 
 

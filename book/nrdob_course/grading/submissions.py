@@ -99,6 +99,10 @@ class _Candidate:
 NOTHING = "nothing was handed in"
 UNCLEAR = "another of this name is on the roster, and what was handed in says not whose it is"
 LINK = "it is a link, and links are not followed"
+NAMELESS = (
+    "none of its cells has the name that it had when the set was given out, as if they were copied "
+    "into another notebook: ask for the answers in the one that was given out"
+)
 
 
 def find(
@@ -231,7 +235,12 @@ def _candidate(
     if owner.student == path.name:
         problem = problem or "the name of the file does not say whose it is"
     named = _named_set(name, sets) or _named_set(path.parent.name, sets)
-    return _Candidate(owner, path, name, shown, problem, notebook, set_of(notebook, sets) or named)
+    belongs = set_of(notebook, sets) or named
+    if belongs and not problem:
+        known = {each for cell in sets[belongs].cells for each in _names(cell)}
+        if not any(known.intersection(_names(cell)) for cell in notebook.cells):
+            problem = NAMELESS
+    return _Candidate(owner, path, name, shown, problem, notebook, belongs)
 
 
 def _named_set(name: str, sets: Mapping[str, Notebook]) -> str:
