@@ -1,7 +1,7 @@
 """Certificates of stability and instability that a checker of 200 lines accepts or refuses.
 
 ``loop.stability().certificate().save("certificate.json")`` writes a verdict with its proof, and
-``python -m nrdob.certificates.checker certificate.json`` says what is proved (exit status 0) or why
+``python -m nrdob.certificates certificate.json`` says what is proved (exit status 0) or why
 nothing is (1). The checker is one file of the standard library, which also runs alone. It builds
 the characteristic functions from the blocks, in exact fractions, and trusts nothing else.
 """

@@ -106,7 +106,7 @@ def _proof(found: Stability) -> tuple[tuple[str, ...], tuple[Attachment, ...]]:
         return ("Its certificate is too long for a page: let the package save it.",), ()
     says = (
         f"{certificate.proved} The certificate holds the blocks in exact fractions; "
-        "python -m nrdob.certificates.checker certificate.json proves it again."
+        "python -m nrdob.certificates certificate.json proves it again."
     )
     return (), (Attachment("certificate.json", text, says),)
 

@@ -160,12 +160,13 @@ def test_saved_certificates_are_checked_by_the_file_alone(tmp_path):
     example(4).stability().certificate().save(path)
     alone.write_bytes(Path(checker.__file__).read_bytes())
 
-    def run() -> subprocess.CompletedProcess[str]:
-        command = [sys.executable, "-I", "-S", str(alone), str(path)]
+    def run(*program: str) -> subprocess.CompletedProcess[str]:
+        command = [sys.executable, *(program or ("-I", "-S", str(alone))), str(path)]
         return subprocess.run(command, capture_output=True, text=True, check=False)
 
-    accepted = run()
-    assert accepted.returncode == 0 and accepted.stdout.startswith("Proved: the loop is intern")
+    for accepted in (run(), run("-m", "nrdob.certificates")):
+        assert accepted.returncode == 0 and accepted.stdout.startswith("Proved: the loop is intern")
+        assert not accepted.stderr
     content = json.loads(path.read_text(encoding="utf-8"))
     content["claim"]["p_B"] = 2
     path.write_text(json.dumps(content), encoding="utf-8")
