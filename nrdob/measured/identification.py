@@ -155,7 +155,8 @@ def identify(
     are fitted: the input is held between samples, the dead time need not be a whole number of them,
     and nothing is approximated. The most likely numbers are found under noise of the sensor, its
     memory, and a drift of y: a random walk with a slow wave beside it, or a smooth one. The plant
-    must be stable or an integrator, and must not be under control while it is measured.
+    must be stable or an integrator, and must not be under control while it is measured. A stop into
+    which y runs is seen; one that it creeps up to is not, and the gain is then too small.
 
     The structure is the one of smallest Bayesian information criterion over the whole record, the
     part held out included, or a simpler one from which the record does not tell it; an integrator
