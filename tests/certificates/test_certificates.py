@@ -96,6 +96,13 @@ def test_a_delayed_model_with_an_integrator_cancels_s_inside_its_block(den):
     assert "cancel inside its blocks" in str(certificate)
 
 
+def test_a_predicted_integrator_is_proved_though_its_terms_vanish_at_low_degree():
+    plant = nrdob.delay(0.3) * ct.tf([1], [1, 1, 0])
+    loop = nrdob.NRDOB(plant, plant, 1.0, LowPassFilter(0.1, 2))
+    claim = loop.stability().certificate().content["claim"]
+    assert [claim["p_A"], claim["p_B"]] == counts(loop) == [0, 0]
+
+
 def test_poles_that_cancel_to_rounding_are_told_with_what_is_left_over():
     model = ct.tf([1], [1, 0.3, -1.7])
     F = nrdob.interpolating_filter(model, 0.1)
