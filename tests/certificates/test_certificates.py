@@ -452,6 +452,10 @@ def test_what_a_sampled_loop_has_no_certificate_for_is_said():
     loop = example(4)
     with pytest.raises(ArithmeticError, match="holds 50 samples"):
         loop.sampled(0.001).stability().certificate()
+    model = nrdob.delay(3e6) * ct.tf([1], [1e6, 1])
+    late = nrdob.NRDOB(model, model, ct.tf([2e5, 0.2], [1e6, 0]), LowPassFilter(5e5, 6))
+    with pytest.raises(ArithmeticError, match=r"p_B: its coefficients .* another unit of time"):
+        late.sampled(1e5).stability().certificate()
     with pytest.raises(ValueError, match="only gains and time constants"):
         loop.sampled(0.01).stability().certificate(delays=(0, 0.1))
 

@@ -333,6 +333,13 @@ def test_the_dead_time_of_a_process_that_only_amplifies_goes_by_samples():
     assert margins.delay_margin == pytest.approx(0.1 * first, rel=1e-6)
 
 
+def test_it_does_so_where_another_crossing_is_200_samples_off():
+    F = nrdob.filter_family("butterworth", 12).at(0.785)
+    model, C = ct.tf([39], [1, 11, 27, 0]), ct.tf([1.15, 0.2], [1, 0])
+    sampled = nrdob.NRDOB(ct.tf([-0.87], [1]), model, C, F).sampled(0.035, "tustin", 0.3 * 0.035)
+    assert sampled.margins().delay_margin == pytest.approx(0.7 * 0.035 + 0.035, rel=1e-6)
+
+
 def test_an_unstable_process_that_grows_too_far_within_a_sample_is_refused():
     loop = nrdob.NRDOB(1 / (s - 1), 1 / (s + 1), 1.0, nrdob.LowPassFilter(0.5, 1))
     with pytest.raises(ValueError, match="choose a shorter dt"):
