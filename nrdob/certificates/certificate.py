@@ -183,9 +183,14 @@ def _points(blocks: Blocks, cancelled: Blocks, within: Ratio) -> dict[str, list[
         raise ArithmeticError("no certificate: the dead time is that of the model in the middle")
     points, moved = {}, {"delay": float(delay), "within": float(within)}
     for name, (_, power) in functions.items():
-        every = [_terms(made[name][0]) for made, *_ in built]
         try:
+            every = [_terms(made[name][0]) for made, *_ in built]
             found = half_plane_points(every, power, **moved)
+        except OverflowError:
+            raise ArithmeticError(
+                f"no certificate for {name}: its coefficients leave the range of floating-point "
+                "numbers; choose another unit of time, or a longer dt"
+            ) from None
         except ArithmeticError as error:
             raise ArithmeticError(f"no certificate for {name}: {error}") from error
         points[name] = _texts(_exact(found))

@@ -134,7 +134,7 @@ def _first(terms: Terms, power: int, moved: Moved) -> float:
         known, bend = 0.0, np.zeros_like(high)
         for q, delay in terms:
             *_, last, beyond = q, *_derivatives(q, delay, power + 1)
-            known += float(last[-1])
+            known += float(np.polyval(last, 0.0))  # nothing is left of a polynomial of low degree
             bend += np.polyval(np.abs(beyond), high)
         held = abs(known) > SLACK * high * bend / (power + 1)
     else:

@@ -110,7 +110,7 @@ def filter_fraction(filter: Any) -> Fraction:
             remedy = f"for a time constant of that many seconds LowPassFilter({dc_gain:.6g}, 2)"
         raise ValueError(f"filter has F(0) = {dc_gain:.6g}; the observer needs 1: {remedy}")
     num, den = num / num[-1], den / den[-1]
-    if num.size == den.size and np.array_equal(num, den):
+    if num.size == den.size and (np.abs(den - num) <= TYPED_IN * (np.abs(den) + np.abs(num))).all():
         raise ValueError("filter is 1 at every frequency; F must fall off, such as LowPassFilter")
     return Fraction(num, den)
 

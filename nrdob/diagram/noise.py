@@ -76,7 +76,7 @@ def check_stable(den: tuple[QuasiPolynomial, ...], what: str) -> None:
     for factor in den:
         found = count_rhp(factor)
         if factor.zeros_at_origin or found.count != 0:
-            where = found.reason or f"{found.count} roots in the right half plane"
+            where = found.reason or "roots in the right half plane"
             if factor.zeros_at_origin:
                 where = "a root at s = 0"
             raise ValueError(

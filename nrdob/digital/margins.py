@@ -27,7 +27,7 @@ __all__ = ["sampled_margins"]
 PER_SEGMENT = 4  # angles in each certified stretch
 LOWEST = 1e-8  # of the frequencies of crossings, against the lowest at which anything turns
 
-LOOKED_AT, DEAD_TIMES = 60, 32
+LOOKED_AT, DEAD_TIMES = 120, 32
 """States of a loop up to which eigenvalues are computed, and at how many dead times."""
 
 SOLVED = 1e-9  # what may be left of 1 + L where the loop becomes unstable
@@ -110,7 +110,7 @@ def _added_delay(
     least = min(found)
     turned = min(starts) if least == inf else least
     states = held.B.size + held.memory + controller.states
-    if states + min(least, max(starts)) > LOOKED_AT:
+    if states + min(least, min(starts)) > LOOKED_AT:
         return turned * dt
 
     def excess(samples: float) -> float:

@@ -49,7 +49,8 @@ def largest_sampling_time(
     Raises
     ------
     ValueError, ArithmeticError
-        If the loop is not stable in continuous time; if the counts do not confirm the end.
+        If the loop is not stable in continuous time, or "zoh" is refused; if the loop is not
+        stable at the shortest sampling time, or the counts do not confirm the end.
 
     Examples
     --------
@@ -76,15 +77,19 @@ def largest_sampling_time(
         return sampled.closed_loop.spectral_radius - 1
 
     longest = max(loop.delay + computation_delay, loop.model_delay)
-    bracket = _first_unstable(excess, _times(loop, longest))
+    times = _times(loop, longest)
+    shortest = SampledLoop(loop, float(times[0]), method, computation_delay)
+    verdict = shortest.stability()
+    if verdict.stable is False or excess(shortest.dt) >= 0:
+        raise ArithmeticError(
+            f"the loop is stable in continuous time, but not clearly at dt = {shortest.dt:g} s, "
+            f"the shortest in the search: {verdict.reason}; judge the dt at hand, by "
+            "loop.sampled(dt).stability()"
+        )
+    bracket = _first_unstable(excess, times)
     if bracket is None:
         return inf
     low, high = bracket
-    if low == 0:
-        raise ArithmeticError(
-            f"the loop is stable in continuous time, but not at dt = {high:g} s, the shortest in "
-            "the search: its time scales are too far apart to say where it becomes unstable"
-        )
     end = float(brentq(lambda dt: min(excess(dt), 1.0), low, high, xtol=REFINED * high))
     beside = end * (1 - 1e-6), end * (1 + 1e-6)
     try:
@@ -114,12 +119,12 @@ def _times(loop: LoopEquations, delay: float) -> FloatArray:
 def _first_unstable(
     excess: Callable[[float], float], times: FloatArray
 ) -> tuple[float, float] | None:
-    """Bracket the first sampling time at which the loop is unstable."""
+    """Bracket the first sampling time at which the loop is unstable; at the shortest it is not."""
     seen: list[float] = []
     for k, dt in enumerate(times.tolist()):
         seen.append(excess(dt))
         if seen[-1] >= 0:
-            return (float(times[k - 1]) if k else 0.0), dt
+            return float(times[k - 1]), dt
         if k >= 2 and seen[-2] >= max(seen[-1], seen[-3]):
             # A local maximum between three neighbours: how high is it?
             low, high = float(times[k - 2]), dt

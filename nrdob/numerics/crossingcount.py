@@ -16,7 +16,7 @@ from math import floor, sqrt, tau
 import numpy as np
 
 from .arrays import FloatArray
-from .coefficients import exponential
+from .coefficients import add, exponential
 from .crossings import side, zeros
 from .exact import multiply, positive_sign_changes, rhp_count, squared_size, total, whole
 from .rootfinding import companion_roots, frequencies_beside, polynomial_roots
@@ -25,7 +25,7 @@ __all__ = ["count_by_crossings", "crossings_between"]
 
 PER_TURN, MAX_FREQUENCIES = 24, 1_000_000  # of a dead time, and in a band at most
 BESIDE_ZERO = 1e-6  # least frequency beside a root at s = 0, against the slowest root or 1/T
-AT_ZERO = 1e-6  # angle in radians at which a crossing belongs to the dead time zero
+AT_ZERO = 1e-6  # angle in radians, and size, at which a crossing belongs to the dead time zero
 
 
 def count_by_crossings(q: FloatArray, r: FloatArray, delay: float) -> int | None:
@@ -135,9 +135,11 @@ def _beside_zero(q: FloatArray, r: FloatArray, moving: FloatArray, longest: floa
 
 
 def _crossing_angle(q: FloatArray, r: FloatArray, omega: float) -> float:
-    s = 1j * omega
+    s, p = 1j * omega, add(q, r)
     angle = float(np.angle(-np.polyval(r, s) / np.polyval(q, s)))
-    return 0.0 if abs(angle) < AT_ZERO else angle % tau
+    # Near a root at s = 0 for every dead time all angles are small.
+    on_axis = abs(np.polyval(p, s)) <= AT_ZERO * np.polyval(np.abs(p), omega)
+    return 0.0 if abs(angle) < AT_ZERO and on_axis else angle % tau
 
 
 def _count_without_delay(q: FloatArray, r: FloatArray, on_axis: list[float]) -> int | None:

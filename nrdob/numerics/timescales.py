@@ -102,7 +102,7 @@ def roots_by_time_scale(den: FloatArray) -> ComplexArray:
     """
     if den.size <= 3 and den[-1]:
         return polynomial_roots(den)
-    moduli = _moduli(den)
+    moduli = _moduli(den[::-1])
     slowest = min(moduli[np.isfinite(moduli)], default=0.0)
     blocks = _blocks(np.zeros((1, den.size)), den[::-1], 2.0 ** (-slowest))
     return np.concatenate([np.linalg.eigvals(block.A).astype(complex) for block in blocks])
@@ -201,7 +201,8 @@ def _realised(nums: FloatArray, den: FloatArray, modulus: float) -> Block:
     B = np.zeros(n)
     B[-1] = 1.0
     C = (nums[:, :-1] - np.outer(D, den[:-1])) / den[-1]
-    _, (scale, _) = matrix_balance(A, permute=False, separate=True)
+    with np.errstate(invalid="ignore"):  # scales beyond a whole number, of which SciPy makes one
+        _, (scale, _) = matrix_balance(A, permute=False, separate=True)
     speed = 2.0**unit
     return Block(A * scale / scale[:, np.newaxis] * speed, B / scale * speed, C * scale, D)
 

@@ -96,6 +96,13 @@ def test_a_delayed_model_with_an_integrator_cancels_s_inside_its_block(den):
     assert "cancel inside its blocks" in str(certificate)
 
 
+def test_a_predicted_integrator_is_proved_though_its_terms_vanish_at_low_degree():
+    plant = nrdob.delay(0.3) * ct.tf([1], [1, 1, 0])
+    loop = nrdob.NRDOB(plant, plant, 1.0, LowPassFilter(0.1, 2))
+    claim = loop.stability().certificate().content["claim"]
+    assert [claim["p_A"], claim["p_B"]] == counts(loop) == [0, 0]
+
+
 def test_poles_that_cancel_to_rounding_are_told_with_what_is_left_over():
     model = ct.tf([1], [1, 0.3, -1.7])
     F = nrdob.interpolating_filter(model, 0.1)
@@ -447,6 +454,10 @@ def test_what_a_sampled_loop_has_no_certificate_for_is_said():
     loop = example(4)
     with pytest.raises(ArithmeticError, match="holds 50 samples"):
         loop.sampled(0.001).stability().certificate()
+    model = nrdob.delay(3e6) * ct.tf([1], [1e6, 1])
+    late = nrdob.NRDOB(model, model, ct.tf([2e5, 0.2], [1e6, 0]), LowPassFilter(5e5, 6))
+    with pytest.raises(ArithmeticError, match=r"p_B: its coefficients .* another unit of time"):
+        late.sampled(1e5).stability().certificate()
     with pytest.raises(ValueError, match="only gains and time constants"):
         loop.sampled(0.01).stability().certificate(delays=(0, 0.1))
 

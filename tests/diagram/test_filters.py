@@ -45,6 +45,7 @@ def test_one_minus_filter_vanishes_exactly_at_zero():
         (1.0, "1 at every frequency"),
         (0.3, r"needs 1: for a time constant of that many seconds LowPassFilter\(0.3, 2\)"),
         (ct.tf([1.0, 2.0], [1.0, 2.0]), "1 at every frequency"),
+        (ct.tf([1 - 2e-16, 1.0], [1.0, 1.0]), "1 at every frequency"),
     ],
 )
 def test_a_filter_is_stable_proper_and_has_unit_dc_gain(filter, words):

@@ -236,7 +236,7 @@ def test_a_shaping_filter_must_be_stable(shaping, message):
 
 def test_variances_of_an_unstable_loop_are_refused_also_where_noise_passes_directly():
     loop = nrdob.NRDOB(1 / (s - 1), 1 / (s + 1), 1, LowPassFilter(9, 1))
-    with pytest.raises(ValueError, match="make the loop stable"):
+    with pytest.raises(ValueError, match="has roots in the right half plane; make the loop stable"):
         loop.noise_variance()
     with pytest.raises(ValueError, match="make the loop stable"):
         loop.U_eta.check_stable()

@@ -333,6 +333,13 @@ def test_the_dead_time_of_a_process_that_only_amplifies_goes_by_samples():
     assert margins.delay_margin == pytest.approx(0.1 * first, rel=1e-6)
 
 
+def test_it_does_so_where_another_crossing_is_200_samples_off():
+    F = nrdob.filter_family("butterworth", 12).at(0.785)
+    model, C = ct.tf([39], [1, 11, 27, 0]), ct.tf([1.15, 0.2], [1, 0])
+    sampled = nrdob.NRDOB(ct.tf([-0.87], [1]), model, C, F).sampled(0.035, "tustin", 0.3 * 0.035)
+    assert sampled.margins().delay_margin == pytest.approx(0.7 * 0.035 + 0.035, rel=1e-6)
+
+
 def test_an_unstable_process_that_grows_too_far_within_a_sample_is_refused():
     loop = nrdob.NRDOB(1 / (s - 1), 1 / (s + 1), 1.0, nrdob.LowPassFilter(0.5, 1))
     with pytest.raises(ValueError, match="choose a shorter dt"):
@@ -602,7 +609,7 @@ def test_the_search_begins_with_few_samples_in_the_dead_time_of_the_model_too():
     lag = ct.tf([1.0], [1.0, 1.0])
     loop = nrdob.NRDOB(lag, nrdob.delay(3.0) * lag, 0.1, nrdob.LowPassFilter(0.003, 1))
     tracemalloc.start()
-    with pytest.raises(ArithmeticError, match="time scales are too far apart"):
+    with pytest.raises(ArithmeticError, match="1 root outside the unit circle"):
         largest_sampling_time(loop)
     _, most = tracemalloc.get_traced_memory()
     tracemalloc.stop()
@@ -640,3 +647,19 @@ def test_a_second_way_that_finds_nothing_gives_no_verdict(monkeypatch):
     C, F = (20 * s + 1) / (40 * s), nrdob.LowPassFilter(8.0, 1)
     found = nrdob.NRDOB(LATE, 1 / (20 * s + 1), C, F).sampled(0.01).stability()
     assert found.stable is None and f"{verdict.SIZES} nothing: no verdict" in found.reason
+
+
+def test_where_every_sampling_time_fails_the_reason_is_said():
+    lag = nrdob.delay(3.7) * ct.tf([1.0], [1.0, 1.0])
+    waiting = nrdob.NRDOB(lag, lag, 0.1, nrdob.LowPassFilter(1.0, 1))
+    with pytest.raises(ValueError, match="use method='tustin'"):
+        largest_sampling_time(waiting, "zoh")
+    model = nrdob.delay(0.5) * ct.tf([1.0], [1.0, 1.0, 0.0])
+    integrating = nrdob.NRDOB(model, model, 0.2, nrdob.LowPassFilter(1.0, 2))
+    with pytest.raises(ArithmeticError, match="a root at z = 1, the delayed model's integrator"):
+        largest_sampling_time(integrating)
+    # So short a dt for so short a dead time that the filter's eigenvalues stray over the circle.
+    Gm = ct.tf([1.0, 5.0], [1.0, 3.6])
+    stiff = nrdob.NRDOB(nrdob.delay(1e-6) * Gm, Gm, 1.4, nrdob.LowPassFilter(0.08, 5))
+    with pytest.raises(ArithmeticError, match="no verdict; judge the dt at hand"):
+        largest_sampling_time(stiff, "zoh")

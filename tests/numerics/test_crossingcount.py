@@ -107,3 +107,9 @@ def test_zeros_at_the_origin_of_every_term_cross_nowhere(zeros):
     q, r = np.convolve([1.0, 1.0], origin), 4 * origin
     alone = crossings_between(np.array([1.0, 1.0]), (np.array([-4.0]), 1.0), np.array([4.0]), 1, 10)
     assert crossings_between(q, (-r, 1.0), r, 1.0, 10.0) == alone == 10
+
+
+def test_beside_a_root_that_stays_at_zero_a_crossing_by_rounding_is_none_at_dead_time_zero():
+    # |F| of Butterworth is flat: it is 1 once more, by rounding, at 1e-8 of the bandwidth.
+    den, num = np.array([5.659121834898622e-11, 1.063872345246235e-05, 1.0]), np.array([-1.0])
+    assert count_by_crossings(den, num, 1e-9) == 0
