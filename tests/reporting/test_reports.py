@@ -544,7 +544,7 @@ def test_a_loop_that_is_stable_on_the_processor_raises_no_alarm():
 def test_a_loop_whose_largest_sampling_time_is_not_known_is_sampled_every_tenth_of_a_second():
     loop = nrdob.NRDOB(1 / (s + 1), nrdob.delay(3.0) / (s + 1), 0.1, 1 / (0.003 * s + 1))
     found = section(loop, "On a processor")
-    assert "time scales are too far apart" in found.warnings[0]
+    assert "not clearly at dt = 0.03 s, the shortest in the search: F H" in found.warnings[0]
     assert "At dt = 0.1 s, chosen here, the sampled loop is " in found.words[-1]
 
 

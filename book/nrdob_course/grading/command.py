@@ -392,7 +392,9 @@ ASKED: dict[str, tuple[str, ...]] = {
 
 def parse(arguments: list[str] | None) -> argparse.Namespace:
     """Read the command line."""
-    parser = argparse.ArgumentParser(description="Give out problem sets, and grade them.")
+    parser = argparse.ArgumentParser(
+        prog="python -m nrdob_course.grading", description="Give out problem sets, and grade them."
+    )
     commands = parser.add_subparsers(dest="command", required=True)
     for name, (about, *told) in ASKED.items():
         command = commands.add_parser(name, help=about)
