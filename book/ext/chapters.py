@@ -29,12 +29,12 @@ from sphinx.util import logging
 
 from explorable import places
 from nrdob.plotting.figure import PIXELS
+from openings import GOALS
 from predictions import KEY
 from shape import faults_of_book
 
 CHAPTERS, PICTURES = "chapters", "predictions"
 BOOK = Path(__file__).resolve().parents[1]
-GOALS = "**You will be able to**"
 CHAPTER = re.compile(rf"{CHAPTERS}/(0?(\d+|[A-Z])_\w+)")
 
 logger = logging.getLogger(__name__)

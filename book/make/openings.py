@@ -17,7 +17,8 @@ PARTS = {
 """The parts of the book, with the numbers of their chapters, as on the front page."""
 
 TITLE = re.compile(r"# (.+)")
-PROMISED = re.compile(r"\*\*You will be able to\*\*(.*?)\*\*You need\*\*", re.DOTALL)
+GOALS = "**You will be able to**"
+PROMISED = re.compile(rf"{re.escape(GOALS)}(.*?)\*\*You need\*\*", re.DOTALL)
 NEEDED = re.compile(r"^\*\*You need\*\* (.+)$", re.MULTILINE)
 MINUTES = re.compile(r"\*\*Time\*\* (\d+) minutes")
 CHAPTER = re.compile(r"\((\d\d|[A-D])_\w+\.ipynb\)")

@@ -56,11 +56,7 @@ def read_sheet(path: Path) -> Sheet:
     text, notes = _text(path)
     name = short(path.name)
     every = list(enumerate(re.split(r"\r\n|\r|\n", text), 1))
-    kept = [
-        (k, BEHIND.sub(r"\1", line) if ("#" in line or "//" in line) and '"' not in line else line)
-        for k, line in every
-        if line.strip() and not COMMENT.match(line)
-    ]
+    kept = [(k, _bare(line)) for k, line in every if line.strip() and not COMMENT.match(line)]
     if MARKUP.match(text):
         raise ValueError(
             f"{name} is no table, but looks like JSON or XML: save it as CSV, a row for each sample"
@@ -100,6 +96,12 @@ def read_sheet(path: Path) -> Sheet:
         rows[first:], lines[first:], heads, rows[below] if below is not None else (), head_line,
         separator, inside[0] if inside and not spaced else 0, notes,
     )  # fmt: skip
+
+
+def _bare(line: str) -> str:
+    """Cut off a comment behind numbers."""
+    commented = ("#" in line or "//" in line) and '"' not in line
+    return BEHIND.sub(r"\1", line) if commented else line
 
 
 def _text(path: Path) -> tuple[str, tuple[str, ...]]:

@@ -102,9 +102,10 @@ def roots_by_time_scale(den: FloatArray) -> ComplexArray:
     """
     if den.size <= 3 and den[-1]:
         return polynomial_roots(den)
-    moduli = _moduli(den[::-1])
+    ascending = den[::-1]
+    moduli = _moduli(ascending)
     slowest = min(moduli[np.isfinite(moduli)], default=0.0)
-    blocks = _blocks(np.zeros((1, den.size)), den[::-1], 2.0 ** (-slowest))
+    blocks = _blocks(np.zeros((1, den.size)), ascending, 2.0 ** (-slowest))
     return np.concatenate([np.linalg.eigvals(block.A).astype(complex) for block in blocks])
 
 

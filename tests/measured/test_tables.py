@@ -203,6 +203,7 @@ REFUSED = {
     ),
     "missing times": (spoilt(9, "nan,1,1"), "line 9: t is 'nan'.* take the line out"),
     "infinite": (spoilt(9, "7,-inf,1"), "line 9: u is '-inf'"),
+    "too long": (spoilt(9, f"7,{'1' * 61},2"), "line 9: u is '1{60}…', which is no finite number"),
     "too large": (spoilt(9, "7,1e300,1"), "u is 1e.300 at line 9"),
     "an empty cell": (spoilt(9, ",7,1"), "line 9: t is empty"),
     "a short row": (spoilt(9, "7,1"), "line 9 has 2 cells where the first has 3"),
