@@ -264,7 +264,7 @@ def test_an_input_disturbance_meets_the_process_but_not_the_model():
     times = np.array([0.05, 0.1, 0.2, 0.35])
     y, v = step_response(loop, "delta", times).outputs[:, 0]
     plant = ct.forced_response(loop.process.tf, np.linspace(0, 0.1, 101), np.ones(101)).outputs
-    assert y[:2] == pytest.approx([0, 0], abs=1e-15) and v[0] == 1
+    assert y[:2] == pytest.approx([0, 0], abs=1e-15) and v[0] == pytest.approx(1, abs=1e-15)
     assert y[2] == pytest.approx(plant[-1], rel=1e-6)  # δ alone: u reaches y after 0.2 s
     forced = loop.forced_response("delta", np.linspace(0, 0.35, 36), np.ones(36)).outputs
     assert forced[:, -1] == pytest.approx([y[3], v[3]], abs=1e-10)
