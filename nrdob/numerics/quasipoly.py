@@ -78,7 +78,7 @@ class QuasiPolynomial:
     def __post_init__(self) -> None:
         q, r = np.asarray(self.q, dtype=float), np.asarray(self.r, dtype=float)
         scale = self.scale
-        if not (self.delay or self.more or r.any()):  # the usual polynomial
+        if not (self.delay or self.more or any(r.tolist())):  # the usual polynomial, in less time
             scale = scale if scale.size else np.abs(q)
             q = trim(q, scale)
             self.__dict__.update(q=q, r=np.zeros(1), scale=scale[-q.size :])
