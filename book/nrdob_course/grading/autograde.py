@@ -413,13 +413,15 @@ CASES = 8  # as many as a hidden test draws; others are drawn when they are aske
 
 
 def draw(source: str) -> None:
-    """Draw the cases of a set's hidden tests; they stay known."""
+    """Draw the cases of a set's hidden tests, and cut what is handed out; both stay known."""
     if not source:
         return
-    for cell in nbformat.read(source, as_version=4).cells:
-        test = hidden_test(cell.source) if is_test(cell) else None
-        if test and test.problem in exercises.PROBLEMS and not exercises.PROBLEMS[test.problem].own:
-            exercises.PROBLEMS[test.problem].cases(test.settings.get("seed"), CASES)
+    cells = filter(is_test, nbformat.read(source, as_version=4).cells)
+    tests = [test for cell in cells if (test := hidden_test(cell.source))]
+    for test in tests:
+        if test.problem in exercises.PROBLEMS and not exercises.PROBLEMS[test.problem].own:
+            exercises.PROBLEMS[test.problem].drawn(test.settings.get("seed"), CASES)
+    handout([test.problem for test in tests], None)
 
 
 def ready() -> None:

@@ -28,6 +28,8 @@ from typing import Any
 
 import matplotlib.pyplot  # noqa: F401
 from ipykernel.kernelapp import IPKernelApp
+from IPython.core.compilerop import CachingCompiler
+from matplotlib.mathtext import MathTextParser
 
 import nrdob.plotting  # noqa: F401
 
@@ -115,6 +117,7 @@ def main(arguments: list[str]) -> None:
     app: Any = IPKernelApp.instance()
     app.initialize(["-f", str(connection), "--HistoryManager.enabled=False", "--log-level=ERROR"])
     app.shell.user_ns.update(exit=leave, quit=leave)
+    app.shell.compile = CachingCompiler()  # the kernel's own makes a name of each letter of a cell
     sandbox.seal()
     app.start()
 
@@ -148,4 +151,5 @@ if __name__ == "__main__":
         main(sys.argv[1:])
     else:
         signal.signal(signal.SIGCHLD, signal.SIG_IGN)  # nobody asks for the exit codes of kernels
+        MathTextParser("agg").parse("$x$")  # the first formula makes the grammar of all
         serve(started)
