@@ -1,6 +1,6 @@
 """What a hostile student tries: to get out of the kernel, and to get points without an answer.
 
-Each is run for real, see `test_sandbox` and `test_forgery`. The numbers of system calls are
+Each is run for real, see `test_sandbox` and `test_course`. The numbers of system calls are
 those of x86_64.
 """
 

@@ -1,5 +1,6 @@
 """The way from a submission to its points, with nbgrader and kernels, on one of the sets.
 
+What gives points without an answer is nothing of what was tried, each for real, by the grader.
 What the graders say to each answer is asked, for all sets and without kernels, in
 ``test_exercises.py``.
 """
@@ -13,11 +14,15 @@ import shutil
 import sqlite3
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import nbformat
 import pytest
 from bs4 import BeautifulSoup
 
+import forgers
+from attacks import FORGERIES
+from forgers import KEEPING, KEEPS, OTHERS
 from handin import (
     CHECKED,
     MAX,
@@ -25,6 +30,7 @@ from handin import (
     POINTS,
     WRITTEN,
     Handed,
+    Notebook,
     answer_cell,
     cell_of,
     disasters,
@@ -39,14 +45,15 @@ from handin import (
     spying,
     tampered,
 )
+from nrdob_course.exercises.reviewing import HIDDEN_CASES
 from nrdob_course.grading import command as exercises
-from nrdob_course.grading import marks
-from nrdob_course.grading.autograde import course
+from nrdob_course.grading import marks, sandbox
+from nrdob_course.grading.autograde import course, write_feedback
 from nrdob_course.grading.written import WRITTEN as COLUMNS
 
 # Every test runs nbgrader and kernels; nbgrader quarrels with its own database.
 pytestmark = [pytest.mark.slow, pytest.mark.filterwarnings("ignore:Object of type")]
-
+walled = pytest.mark.skipif(bool(sandbox.missing()), reason="there is no sandbox on this system")
 
 REFUSED = {
     "corrupt": "the file is no valid JSON (Expecting value: line 1 column 11 (char 10))",
@@ -77,6 +84,27 @@ def everything(released: Path) -> list[Handed]:
 
 
 @dataclass
+class Forgers:
+    """Those whose every attack must fail: their notebooks, and who tries what on which problem."""
+
+    notebooks: dict[str, Notebook]
+    tried: dict[str, tuple[str, str]]
+
+
+@pytest.fixture(scope="module")
+def forging(released: Path) -> Forgers:
+    """Make the forgers; nobody runs their code where there is no sandbox."""
+    if sandbox.missing():
+        return Forgers({}, {})
+    found = {name: forgers.keeping(released, ways) for name, ways in KEEPING.items()}
+    tried = {}
+    for number, (notebook, names) in enumerate(forgers.forging(released)):
+        found[f"n{number}"] = notebook
+        tried |= {name: (f"n{number}", problem) for problem, name in names.items()}
+    return Forgers(found, tried)
+
+
+@dataclass
 class Graded:
     """What the grading of all submissions gave."""
 
@@ -90,13 +118,16 @@ class Graded:
 
 
 @pytest.fixture(scope="module")
-def graded(everything: list[Handed], tmp_path_factory: pytest.TempPathFactory) -> Graded:
+def graded(
+    everything: list[Handed], forging: Forgers, tmp_path_factory: pytest.TempPathFactory
+) -> Graded:
     """Hand in everything, and grade it."""
     folder = tmp_path_factory.mktemp("handed_in")
-    for this in everything:
-        path = folder / this.file
+    files = {f"{name}/{NAME}.ipynb": notebook for name, notebook in forging.notebooks.items()}
+    for file, notebook in [*((this.file, this.notebook) for this in everything), *files.items()]:
+        path = folder / file
         path.parent.mkdir(parents=True, exist_ok=True)
-        path.write_text(json.dumps(this.notebook), "utf-8")
+        path.write_text(json.dumps(notebook), "utf-8")
     for student in ("corrupt", "empty", "forgot", "undecided"):
         (folder / student).mkdir()
     (folder / "corrupt" / f"{NAME}.ipynb").write_text('{"cells": ', "utf-8")
@@ -133,9 +164,13 @@ def line(this: Handed) -> dict[str, str]:
     }
 
 
-def test_every_line_of_the_table(everything: list[Handed], graded: Graded) -> None:
+def test_every_line_of_the_table(
+    everything: list[Handed], forging: Forgers, graded: Graded
+) -> None:
     wanted = {student(this): line(this) for this in everything}
-    found = {row["student"]: row for row in graded.table()}
+    rows = {row["student"]: row for row in graded.table()}
+    assert rows.keys() >= forging.notebooks.keys()
+    found = {name: row for name, row in rows.items() if name not in forging.notebooks}
     same = [this for this in everything if this.group == "5"]
     for this in same:
         shared = f"the same group in {len(same)} notebooks: group 5"
@@ -161,6 +196,33 @@ def test_who_tampers_earns_nothing_by_it_and_is_remarked(graded: Graded) -> None
             assert f"{answer_cell(problem)} does what no answer needs" in remarks
 
 
+@walled
+@pytest.mark.parametrize("name", FORGERIES)
+def test_no_attempt_to_forge_points_succeeds(name: str, forging: Forgers, graded: Graded) -> None:
+    who, problem = forging.tried[name]
+    [row] = [row for row in graded.table() if row["student"] == who]
+    assert float(row[problem]) == 0
+
+
+@walled
+@pytest.mark.parametrize("name", KEEPING)
+def test_what_an_answer_remembers_of_hidden_cases_is_not_shown(name: str, graded: Graded) -> None:
+    [row] = [row for row in graded.table() if row["student"] == name]
+    assert float(row[KEEPS.id]) > 0
+    assert all(float(row[this.id]) == 0 for this in OTHERS)
+    page = (graded.target / "feedback" / name / NAME / f"{NAME}.html").read_text("utf-8")
+    text = BeautifulSoup(page, "html.parser").get_text()
+    # The own case is the student's, and what comes of it is shown.
+    own = KEEPS.problem.cases(forgers.GROUP, 1)[0]
+    hidden = KEEPS.problem.cases(KEEPS.seed, HIDDEN_CASES)
+    assert "cases kept: 1" in text
+    assert text.count(f"kept: {own!r}") >= len(OTHERS)
+    assert not [case for case in hidden if repr(case) in text]
+    assert "987654321" not in page
+    assert "kept" not in str(row)
+    assert "were cut" not in row["remarks"]
+
+
 def test_the_gradebook_is_as_it_was(graded: Graded) -> None:
     with sqlite3.connect(graded.target / "gradebook.db") as book:
         assert book.execute("PRAGMA integrity_check").fetchone() == ("ok",)
@@ -181,17 +243,20 @@ def test_what_could_not_be_graded_is_told_by_name(graded: Graded) -> None:
         assert f"{name} {NAME}: NOT GRADED: {reason}" in graded.said
 
 
-def test_progress_is_told(everything: list[Handed], graded: Graded) -> None:
+def test_progress_is_told(everything: list[Handed], forging: Forgers, graded: Graded) -> None:
     lines = re.findall(r"^\[ ?(\d+)/(\d+)\]", graded.said, re.MULTILINE)
-    assert lines == [(f"{k}", f"{len(everything)}") for k in range(1, len(everything) + 1)]
+    count = len(everything) + len(forging.notebooks)
+    assert lines == [(f"{k}", f"{count}") for k in range(1, count + 1)]
 
 
 def pages(graded: Graded) -> list[Path]:
     return sorted((graded.target / "feedback").rglob("*.html"))
 
 
-def test_everyone_graded_has_feedback(everything: list[Handed], graded: Graded) -> None:
-    assert len(pages(graded)) == len(everything)
+def test_everyone_graded_has_feedback(
+    everything: list[Handed], forging: Forgers, graded: Graded
+) -> None:
+    assert len(pages(graded)) == len(everything) + len(forging.notebooks)
 
 
 def test_feedback_needs_no_network(graded: Graded) -> None:
@@ -229,8 +294,17 @@ def test_marks_by_hand_reach_table_and_feedback(
             row.update(points="1000")
     rows.append({**rows[0], "student": "nobody", "points": "1"})
     marks.write_table(target / "written.csv", list(COLUMNS), rows)
+    told = []
 
+    def write_some(api: Any, folder: str, name: str) -> None:
+        """Write two of the pages; the grader has written all of them, in the same way."""
+        told.append(folder)
+        if folder in ("anna", "renamed"):
+            write_feedback(api, folder, name)
+
+    monkeypatch.setattr(exercises, "write_feedback", write_some)
     assert exercises.report(target) == 1 + len(WRITTEN)
+    assert sorted(told) == sorted(page.parents[1].name for page in pages(graded))
 
     table = {row["student"]: row for row in Graded(target, 0, "").table()}
     checked = sum(this.points for this in CHECKED)
@@ -250,9 +324,12 @@ def test_marks_by_hand_reach_table_and_feedback(
     assert {row["student"]: row for row in Graded(target, 0, "").table()} == table
 
 
-def test_the_result_is_a_course_of_nbgraders(graded: Graded, everything: list[Handed]) -> None:
+def test_the_result_is_a_course_of_nbgraders(
+    graded: Graded, everything: list[Handed], forging: Forgers
+) -> None:
     with course(graded.target).gradebook as gradebook:
-        assert len(gradebook.assignment_submissions(NAME)) == len(everything)
+        count = len(everything) + len(forging.notebooks)
+        assert len(gradebook.assignment_submissions(NAME)) == count
         found = gradebook.find_submission(NAME, "anna")
         assert found.score == sum(this.points for this in CHECKED)
         assert found.needs_manual_grade is bool(WRITTEN)

@@ -24,7 +24,7 @@ import traceback
 import warnings
 from collections.abc import Callable
 from copy import deepcopy
-from functools import partial
+from functools import cache, partial
 from math import ceil
 from pathlib import Path
 from typing import Any
@@ -33,6 +33,7 @@ import nbformat
 from jupyter_client.kernelspec import KernelSpec
 from jupyter_core.utils import run_sync
 from nbclient.exceptions import DeadKernelError
+from nbconvert.filters import Highlight2HTML
 from nbformat.v4 import new_code_cell, new_output
 from nbformat.validator import isvalid
 from nbgrader.apps.api import NbGraderAPI
@@ -412,14 +413,15 @@ def main(arguments: list[str]) -> None:
 CASES = 8  # as many as a hidden test draws; others are drawn when they are asked for
 
 
+@cache
 def draw(source: str) -> None:
-    """Draw the cases of a set's hidden tests; they stay known."""
-    if not source:
-        return
-    for cell in nbformat.read(source, as_version=4).cells:
-        test = hidden_test(cell.source) if is_test(cell) else None
-        if test and test.problem in exercises.PROBLEMS and not exercises.PROBLEMS[test.problem].own:
-            exercises.PROBLEMS[test.problem].cases(test.settings.get("seed"), CASES)
+    """Draw the cases of a set's hidden tests, and cut what is handed out; both stay known."""
+    cells = filter(is_test, nbformat.read(source, as_version=4).cells)
+    tests = [test for cell in cells if (test := hidden_test(cell.source))]
+    for test in tests:
+        if (known := exercises.PROBLEMS.get(test.problem)) and not known.own:
+            known.drawn(test.settings.get("seed"), CASES)
+    handout([test.problem for test in tests], None)
 
 
 def ready() -> None:
@@ -462,12 +464,10 @@ def run(root: str, student: str, name: str) -> int:
 def work() -> None:
     """Take orders until there are no more."""
     ready()  # it reads its libraries while the cases are drawn
-    drawn: set[str] = set()
+    Highlight2HTML(pygments_lexer="ipython3")("1")  # which makes a lexer
 
     def graded(order: dict[str, str]) -> int:
-        if order["source"] not in drawn:
-            draw(order["source"])
-            drawn.add(order["source"])
+        draw(order["source"])
         return run(order["root"], order["student"], order["set"])
 
     serve(graded)

@@ -26,8 +26,9 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any
 
-import matplotlib.pyplot  # noqa: F401
 from ipykernel.kernelapp import IPKernelApp
+from IPython.core.compilerop import CachingCompiler
+from matplotlib.mathtext import MathTextParser
 
 import nrdob.plotting  # noqa: F401
 
@@ -115,6 +116,8 @@ def main(arguments: list[str]) -> None:
     app: Any = IPKernelApp.instance()
     app.initialize(["-f", str(connection), "--HistoryManager.enabled=False", "--log-level=ERROR"])
     app.shell.user_ns.update(exit=leave, quit=leave)
+    # The kernel's own compiler reads each letter of a cell to name it.
+    app.shell.compile = CachingCompiler()  # type: ignore[no-untyped-call]
     sandbox.seal()
     app.start()
 
@@ -128,7 +131,6 @@ def started(order: dict[str, Any]) -> int:
 
 def become_a_kernel(order: dict[str, Any]) -> None:
     """Leave all that is the server's, its pipes above all, and be a kernel."""
-    code = 1
     try:
         signal.signal(signal.SIGCHLD, signal.SIG_DFL)
         os.setsid()
@@ -138,9 +140,8 @@ def become_a_kernel(order: dict[str, Any]) -> None:
         os.environ.clear()
         os.environ.update(order["environment"])
         main(order["start"])
-        code = 0
     finally:
-        os._exit(code)
+        os._exit(0)  # nobody asks how it ended
 
 
 if __name__ == "__main__":
@@ -148,4 +149,5 @@ if __name__ == "__main__":
         main(sys.argv[1:])
     else:
         signal.signal(signal.SIGCHLD, signal.SIG_IGN)  # nobody asks for the exit codes of kernels
+        MathTextParser("agg").parse("$x$")  # the first formula makes the grammar of all
         serve(started)
