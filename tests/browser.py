@@ -170,9 +170,17 @@ def look(tab: Any, page: Path) -> Look:
     return Look(**found, said=said)
 
 
+def recolour(tab: Any, colours: str) -> None:
+    """Show the page that is open in light or dark colours."""
+    tab.emulate_media(color_scheme=colours)
+    tab.wait_for_function(
+        "(theme) => document.documentElement.dataset.theme === theme", arg=colours
+    )
+
+
 def look_again(tab: Any, width: int, colours: str) -> Look:
     """Look over the page that is open, at another width or in other colours, nothing folded."""
-    tab.emulate_media(color_scheme=colours)
+    recolour(tab, colours)
     tab.set_viewport_size({"width": width, "height": 800})
     tab.evaluate("document.querySelectorAll('details').forEach((each) => { each.open = true; })")
     tab.wait_for_timeout(250)  # the formulas are fitted a moment after the last change

@@ -8,7 +8,6 @@ import os
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 import warnings
-from functools import cache
 
 import matplotlib as mpl
 import matplotlib.pyplot as plt
@@ -46,14 +45,6 @@ def no_warning_leaks():
         for module in ("matplotlib", "pyparsing"):
             warnings.filterwarnings("ignore", category=DeprecationWarning, module=module)
         yield
-
-
-@pytest.fixture(scope="session")
-def settled():
-    """Settle claims of the ledger, each at most once in a run, for all that want its entry."""
-    from nrdob_course.claims import check
-
-    return cache(check)
 
 
 LONG = {"site", "ledger_run", "graded"}

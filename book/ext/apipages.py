@@ -17,6 +17,9 @@ from pathlib import Path
 from typing import Any
 
 from docutils import nodes
+from jinja2 import FileSystemLoader
+from jinja2.sandbox import SandboxedEnvironment
+from numpydoc import docscrape_sphinx
 from sphinx.addnodes import desc, desc_annotation, desc_content, desc_signature
 from sphinx.application import Sphinx
 from sphinx.config import Config
@@ -113,10 +116,19 @@ def let_names_break(_app: Sphinx, page: str, _: str, context: Any, _doctree: obj
         context["body"] = TITLE.sub(lambda title: title[0].replace(".", ".<wbr>"), body)
 
 
+def compile_once() -> None:
+    """Let all docstrings share the template of numpydoc, which would compile it for each."""
+    folder = Path(docscrape_sphinx.__file__).parent / "templates"
+    shared = SandboxedEnvironment(loader=FileSystemLoader(folder))
+    docscrape_sphinx.SandboxedEnvironment = lambda loader: shared
+
+
 def setup(app: Sphinx) -> dict[str, Any]:
+    compile_once()
     app.connect("config-inited", write_pages)
     app.connect("autodoc-skip-member", skip_fields)
-    app.connect("autodoc-process-signature", name_functions)
+    # Before numpydoc, which would read every docstring once more in search of a signature.
+    app.connect("autodoc-process-signature", name_functions, priority=400)
     app.connect("doctree-read", shorten_data)
     app.connect("html-page-context", let_names_break)
     return {"parallel_read_safe": True, "parallel_write_safe": True}

@@ -14,6 +14,7 @@ from __future__ import annotations
 
 import json
 import re
+from functools import cache
 from itertools import compress
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -23,6 +24,7 @@ from xml.etree import ElementTree
 from docutils import nodes
 from sphinx import addnodes
 from sphinx.application import Sphinx
+from sphinx.search.en import SearchEnglish
 from sphinx.transforms import SphinxTransform
 
 from mathml import TexError, mathml
@@ -48,6 +50,7 @@ SUPERSCRIPTS = str.maketrans("0123456789+-n", "⁰¹²³⁴⁵⁶⁷⁸⁹⁺⁻
 # --- formulas in plain letters --------------------------------------------------------------------
 
 
+@cache
 def plain(latex: str, display: bool = False) -> str:
     """Write a formula in one line of plain letters, near enough to be recognised."""
     try:
@@ -232,6 +235,8 @@ class Concordance(SphinxTransform):
 
 
 def setup(app: Sphinx) -> dict[str, bool]:
+    # Sphinx finds the stem of a word anew on each page.
+    SearchEnglish.stem = cache(SearchEnglish.stem)  # type: ignore[method-assign]
     app.add_transform(Concordance)
     app.connect("html-page-context", add_scripts)
     app.connect("build-finished", on_html(write_texts))

@@ -48,10 +48,12 @@ from browser import (
     look,
     look_again,
     printed,
+    recolour,
 )  # fmt: skip
 from digits import hanging_on_rounding
 from maps import equations_in
-from nrdob_course.claims import LEDGER, Entry, Verdict
+from nrdob_course.claims import LEDGER, Verdict, check
+from nrdob_course.claims.ledger import WIDTH
 from nrdob_course.exercises import PROBLEMS
 from pages import prose_of
 from predictions import read_questions
@@ -101,9 +103,13 @@ def run(main: Callable[..., int], output: Path, **how: Any) -> Run:
     return code, said.getvalue()
 
 
+settled = cache(check)
+"""Settle a claim, once for the page and the test of its verdict: all of them take a minute."""
+
+
 @pytest.fixture(scope="module")
-def ledger_run(source: Path, settled: Callable[[str], Entry]) -> Run:
-    """Write the pages of the ledger, each claim settled once in a run of the tests."""
+def ledger_run(source: Path) -> Run:
+    """Write the pages of the ledger."""
     return run(ledger.main, source, settle=lambda claim: settled(claim.id))
 
 
@@ -157,6 +163,20 @@ def is_external(address: str) -> bool:
 def test_the_ledger_is_in_order(ledger_run: Run) -> None:
     code, said = ledger_run
     assert code == 0, said
+
+
+@pytest.mark.parametrize("id", LEDGER)
+def test_every_claim_has_its_verdict(id: str) -> None:
+    entry = settled(id)
+    assert entry.finding.computed.strip()
+    assert all(len(line) <= WIDTH for line in repr(entry).splitlines())
+    assert entry.verdict.value in repr(entry)
+    assert bool(entry.claim.amendment) == bool(entry.finding.conditions)
+
+
+def test_a_check_finds_the_same_twice() -> None:
+    for id in ("eq05.T_R", "lemma1.N_p", "sec3.speculation"):
+        assert LEDGER[id].check() == settled(id).finding
 
 
 def test_the_ledger_prints_nothing_that_hangs_on_rounding(source: Path, ledger_run: Run) -> None:
@@ -584,6 +604,7 @@ def seen(site: Path, pages: dict[Path, BeautifulSoup], opened: Any) -> Opened:
     phone, other, unheard = {}, {}, {}
     for path, (width, colours) in zip(pages, cycle(VIEWS), strict=False):
         page = path.relative_to(site).as_posix()
+        tab.goto("about:blank")  # else the page before would be set once more
         tab.emulate_media(color_scheme="light")
         tab.set_viewport_size({"width": 360, "height": 800})
         phone[page] = look(tab, path)
@@ -682,40 +703,73 @@ HEIGHTS = """async () => {
 }"""
 
 
-def moved(site: Path, tab: Any) -> Iterator[str]:
-    """Open one page after the other that has sliders."""
+SLIDES = """() => [...document.querySelectorAll("html, body *")].filter((each) => {
+  const { transitionDuration, animationName, scrollBehavior } = getComputedStyle(each);
+  const slides = transitionDuration.split(",").some((time) => parseFloat(time) > 0);
+  return slides || animationName !== "none" || scrollBehavior === "smooth";
+}).map((each) => each.className)"""
+
+
+def moved(site: Path, opened: Any, **how: Any) -> Iterator[tuple[str, Any]]:
+    """Open each page that has sliders in a tab of its own."""
     for page in sorted(MOVED):
-        tab.goto((site / f"{page}.html").as_uri())
-        tab.wait_for_function("() => window.nrdob?.explorables")
-        tab.evaluate(pdf.SETTLED)
-        yield page
+        with opened.new_page(**how) as tab:
+            tab.goto((site / f"{page}.html").as_uri())
+            tab.wait_for_function("() => window.nrdob?.explorables")
+            tab.evaluate(pdf.SETTLED)
+            yield page, tab
 
 
-def test_on_a_phone_verdict_and_plot_are_seen_beside_every_slider(site: Path, opened: Any) -> None:
-    tab = opened.new_page(viewport={"width": 360, "height": 740})
-    hidden = {page: tab.evaluate(BESIDE) for page in moved(site, tab)}
-    assert hidden == {page: [] for page in MOVED}
+@dataclass(frozen=True)
+class Slid:
+    """What is amiss on a page with sliders: what slides, is cut or hidden, and all its heights."""
+
+    slides: list[str]
+    cut: list[str]
+    hidden: list[str]
+    heights: dict[int, list[int]]
+
+
+@pytest.fixture(scope="module")
+def slid(site: Path, opened: Any) -> dict[str, Slid]:
+    """Look over the pages that have sliders, each in one view after the other."""
+    return {page: in_turn(tab) for page, tab in moved(site, opened, reduced_motion="reduce")}
+
+
+def in_turn(tab: Any) -> Slid:
+    """Look without motion, with letters twice as large, as on a phone, and on a tablet."""
+
+    def on(width: int, height: int, letters: str, script: str) -> Any:
+        tab.set_viewport_size({"width": width, "height": height})
+        tab.evaluate("(size) => { document.documentElement.style.fontSize = size; }", letters)
+        tab.wait_for_timeout(250)
+        return tab.evaluate(script)
+
+    slides = tab.evaluate(SLIDES)
+    tab.emulate_media(reduced_motion="no-preference")
+    cut = on(1280, 800, "200%", CUT)
+    hidden = on(360, 740, "", BESIDE)
+    return Slid(slides, cut, hidden, {width: on(width, 740, "", HEIGHTS) for width in (360, 800)})
+
+
+def test_on_a_phone_verdict_and_plot_are_seen_beside_every_slider(slid: dict[str, Slid]) -> None:
+    assert {page: seen.hidden for page, seen in slid.items()} == {page: [] for page in MOVED}
 
 
 @pytest.mark.parametrize("width", [360, 800])
-def test_nothing_jumps_while_a_slider_moves(site: Path, opened: Any, width: int) -> None:
-    tab = opened.new_page(viewport={"width": width, "height": 740})
-    heights = {page: tab.evaluate(HEIGHTS) for page in moved(site, tab)}
+def test_nothing_jumps_while_a_slider_moves(slid: dict[str, Slid], width: int) -> None:
+    heights = {page: seen.heights[width] for page, seen in slid.items()}
     assert {page: found for page, found in heights.items() if len(found) > 1} == {}
 
 
-def test_pages_with_sliders_can_be_enlarged(site: Path, opened: Any) -> None:
+def test_pages_with_sliders_can_be_enlarged(site: Path, slid: dict[str, Slid], opened: Any) -> None:
     """Twice as large on a screen of 1280 pixels, and with letters alone twice as large."""
-    tab = opened.new_page(viewport={"width": 640, "height": 400}, device_scale_factor=2)
-    for page in moved(site, tab):
+    screen = {"viewport": {"width": 640, "height": 400}, "device_scale_factor": 2}
+    for page, tab in moved(site, opened, **screen):
         tab.wait_for_timeout(250)
         assert Look(**tab.evaluate(FINDINGS), said=[]).amiss == [], page
         assert tab.evaluate(CUT) == [], page
-    tab = opened.new_page(viewport={"width": 1280, "height": 800})
-    for page in moved(site, tab):
-        tab.evaluate("document.documentElement.style.fontSize = '200%'")
-        tab.wait_for_timeout(250)
-        assert tab.evaluate(CUT) == [], page
+    assert {page: seen.cut for page, seen in slid.items()} == {page: [] for page in MOVED}
 
 
 CUT = """() => [...document.querySelectorAll(".explorable :is(p, label, button, span, select)")]
@@ -725,15 +779,8 @@ CUT = """() => [...document.querySelectorAll(".explorable :is(p, label, button, 
   .map((each) => each.textContent)"""
 
 
-def test_nothing_slides_or_fades_for_who_does_not_want_it(site: Path, opened: Any) -> None:
-    tab = opened.new_page(reduced_motion="reduce")
-    script = """() => [...document.querySelectorAll("html, body *")].filter((each) => {
-      const { transitionDuration, animationName, scrollBehavior } = getComputedStyle(each);
-      const slides = transitionDuration.split(",").some((time) => parseFloat(time) > 0);
-      return slides || animationName !== "none" || scrollBehavior === "smooth";
-    }).map((each) => each.className)"""
-    for page in moved(site, tab):
-        assert tab.evaluate(script) == [], page
+def test_nothing_slides_or_fades_for_who_does_not_want_it(slid: dict[str, Slid]) -> None:
+    assert {page: seen.slides for page, seen in slid.items()} == {page: [] for page in MOVED}
 
 
 def test_with_forced_colours_what_differs_is_told_apart(site: Path, opened: Any) -> None:
@@ -748,10 +795,11 @@ def test_with_forced_colours_what_differs_is_told_apart(site: Path, opened: Any)
         words: [canvas, style(".nyquist text").fill],
       };
     }"""
+    tab = opened.new_page(forced_colors="active")
+    tab.goto((site / "index.html").as_uri())
+    tab.wait_for_function("() => window.nrdob?.explorables")
     for colours in ("light", "dark"):
-        tab = opened.new_page(forced_colors="active", color_scheme=colours)
-        tab.goto((site / "index.html").as_uri())
-        tab.wait_for_function("() => window.nrdob?.explorables")
+        recolour(tab, colours)
         for name, drawn in tab.evaluate(script).items():
             assert len(set(drawn)) == len(drawn), (colours, name, drawn)
 
@@ -795,24 +843,19 @@ SIZES = """() => {
 }"""
 
 
-@pytest.mark.parametrize(
-    ("width", "block", "columns"), [(360, 13, 0), (800, 13, 88), (1400, 14, 88)]
-)
-def test_code_is_as_large_as_the_text(
-    site: Path, opened: Any, width: int, block: float, columns: int
-) -> None:
-    tab = opened.new_page(viewport={"width": width, "height": 800})
+def test_code_is_as_large_as_the_text(site: Path, opened: Any) -> None:
+    tab = opened.new_page()
     tab.goto((site / "chapters" / "05_how_slow_must_the_filter_be.html").as_uri())
-    found = tab.evaluate(SIZES)
-    assert found["code"] >= 0.95 and found["block"] >= block and found["columns"] >= columns, found
+    for width, block, columns in ((360, 13, 0), (800, 13, 88), (1400, 14, 88)):
+        tab.set_viewport_size({"width": width, "height": 800})
+        found = tab.evaluate(SIZES)
+        assert found["code"] >= 0.95, (width, found)
+        assert found["block"] >= block and found["columns"] >= columns, (width, found)
 
 
-@pytest.mark.parametrize("colours", ["light", "dark"])
 @pytest.mark.parametrize("page", ["teaching/syllabus", "chapters/11_rules"])
-def test_a_table_that_goes_on_has_a_shadow_there(
-    site: Path, opened: Any, page: str, colours: str
-) -> None:
-    tab = opened.new_page(viewport={"width": 360, "height": 740}, color_scheme=colours)
+def test_a_table_that_goes_on_has_a_shadow_there(site: Path, opened: Any, page: str) -> None:
+    tab = opened.new_page(viewport={"width": 360, "height": 740})
     tab.goto((site / f"{page}.html").as_uri())
     tab.evaluate(pdf.SETTLED)
     boxes = tab.locator(".bd-content :is(.pst-scrollable-table-container, .output.text_html)")
@@ -821,7 +864,7 @@ def test_a_table_that_goes_on_has_a_shadow_there(
     box.evaluate("e => scrollBy({ top: e.getBoundingClientRect().top - 100, behavior: 'instant' })")
     piece = {**box.bounding_box(), "height": 150}
 
-    def shaded() -> tuple[bool, bool]:
+    def shaded(colours: str) -> tuple[bool, bool]:
         """Tell whether the left and the right edge are shaded, beside the letters."""
         taken = Image.open(BytesIO(tab.screenshot(clip=piece)))
         picture = np.asarray(taken.convert("L"), dtype=float)
@@ -829,9 +872,12 @@ def test_a_table_that_goes_on_has_a_shadow_there(
         edges = [np.percentile(picture[:, k], 90) for k in (1, -2)]
         return tuple(bool(edge < np.percentile(picture, 90) - 25) for edge in edges)
 
-    assert shaded() == (False, True)
-    box.evaluate("e => { e.scrollLeft = e.scrollWidth; }")
-    assert shaded() == (True, False)
+    for colours in ("light", "dark"):
+        recolour(tab, colours)
+        box.evaluate("e => { e.scrollLeft = 0; }")
+        assert shaded(colours) == (False, True)
+        box.evaluate("e => { e.scrollLeft = e.scrollWidth; }")
+        assert shaded(colours) == (True, False)
 
 
 QUERIES = {
@@ -893,21 +939,31 @@ def test_thirty_queries_have_the_right_page_first(site: Path) -> None:
     }
 
 
+FOUND = """(query) => {
+  if (query) {
+    document.querySelector("#search-results").replaceChildren();
+    Search.performSearch(query);
+  }
+  return [...document.querySelectorAll("ul.search li")].map((each) => [
+    each.querySelector("a").getAttribute("href"),
+    each.querySelector(".context")?.textContent ?? "",
+  ]);
+}"""
+
+
 @pytest.fixture(scope="module")
 def searched(site: Path, opened: Any) -> dict[str, list[tuple[str, str]]]:
-    """Ask the search, from the disk, and give for each query the pages found, and what they say."""
-    found = {}
-    with opened.new_context(viewport={"width": 360, "height": 800}) as context:
-        tab = context.new_page()
-        for query in (*QUERIES, "stabilizing_time_constants", "xyzzy"):
-            tab.goto(f"{(site / 'search.html').as_uri()}?q={quote(query)}")
-            tab.wait_for_function("document.querySelector('.search-summary')?.textContent")
-            found[query] = tab.evaluate(
-                "() => [...document.querySelectorAll('ul.search li')].map((each) => "
-                "[each.querySelector('a').getAttribute('href'), "
-                "each.querySelector('.context')?.textContent ?? ''])"
-            )
-    return found
+    """Ask the search, from the disk, and give for each query the pages found, and what they say.
+
+    The first one comes with the address, as from any other page, and has a space in it.
+    """
+    first, *others = (*QUERIES, "stabilizing_time_constants", "xyzzy")
+    with opened.new_page(viewport={"width": 360, "height": 800}) as tab:
+        tab.goto(f"{(site / 'search.html').as_uri()}?q={quote(first)}")
+        tab.wait_for_function("document.querySelector('.search-summary')?.textContent")
+        return {first: tab.evaluate(FOUND)} | {
+            query: tab.evaluate(FOUND, query) for query in others
+        }
 
 
 def test_the_search_leads_a_student_to_the_right_chapter_first(
