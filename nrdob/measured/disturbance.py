@@ -35,7 +35,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.optimize import brentq
 from scipy.signal import lfilter
-from scipy.stats import t as student
+from scipy.special import stdtr, stdtrit
 
 from ..numerics import BoolArray, FloatArray
 
@@ -114,10 +114,10 @@ class Scatter:
         shifts = self.shifts @ slope
 
         def excess(half: float) -> float:
-            beyond = student.sf((half + np.outer([1, -1], shifts)) / errors, self.freedom)
+            beyond = stdtr(self.freedom, (np.outer([1, -1], shifts) - half) / errors)
             return float(self.weights @ beyond.sum(axis=0)) - (1 - confidence)
 
-        top = np.abs(shifts).max() + errors.max() * student.isf((1 - confidence) / 4, self.freedom)
+        top = np.abs(shifts).max() + errors.max() * stdtrit(self.freedom, (3 + confidence) / 4)
         return float(brentq(excess, 0.0, float(top)))
 
 

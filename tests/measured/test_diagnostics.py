@@ -1,5 +1,7 @@
 """Records that mislead a fit: drift, rivals of the other sign, and what must be told by name."""
 
+from functools import cache
+
 import numpy as np
 import pytest
 from scipy.linalg import solve_toeplitz
@@ -25,6 +27,12 @@ def lag(inputs, noise=0.02, seed=0):
 def switched(count=400, seed=0):
     rng = np.random.default_rng(seed)
     return np.cumprod(np.where(rng.random(count) < 0.04, -1.0, 1.0))
+
+
+@cache
+def of_switched_lag():
+    """Fit a lag to a record with which nothing is wrong, once for all tests."""
+    return identify(*lag(switched()), structure=ONE_LAG)
 
 
 def oven(u, later=1.0, losses=0.0, grain=0.25):
@@ -256,7 +264,7 @@ def test_no_loop_rests_on_a_gain_that_may_be_zero():
 @pytest.mark.slow
 def test_outliers_are_told():
     t, u, y = lag(switched())
-    assert not identify(t, u, y, structure=ONE_LAG).remarks
+    assert not of_switched_lag().remarks
     y[[100, 250, 333]] += [3, -2, 4]
     (said,) = identify(t, u, y, structure=ONE_LAG).remarks
     assert said.startswith("y has 3 outliers, such as") and "at 333 s" in said
@@ -456,7 +464,7 @@ def test_what_a_sensor_rounds_and_a_table_interpolates_is_no_outlier():
 def test_a_drift_is_told_and_counted_in():
     t, u, y = lag(switched())
     rng = np.random.default_rng(5)
-    quiet = identify(t, u, y, structure=ONE_LAG)
+    quiet = of_switched_lag()
     drifting = identify(t, u, y + np.cumsum(0.05 * rng.standard_normal(400)), structure=ONE_LAG)
     assert any(said.startswith("y drifts") for said in drifting.remarks)
     gain, before = drifting.parameters["gain"], quiet.parameters["gain"]

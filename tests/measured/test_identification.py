@@ -1,6 +1,7 @@
 """Processes out of records: known truth, the measured plant, and what is wrong with a record."""
 
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 import pytest
@@ -17,6 +18,12 @@ from nrdob.reporting import propose
 from tests.campaigns.identification import DISTURBANCES, held, measured, response
 
 BY_NAME = {each.name: each for each in STRUCTURES}
+
+
+@cache
+def of_heated_air(structure=None):
+    """Identify the plant that was measured, once for all tests."""
+    return identify(*heated_air(), structure=structure)
 
 
 @pytest.mark.parametrize("delay", [0.0, 0.3, 2.0, 7.75])
@@ -85,7 +92,7 @@ def test_resonance_is_told_as_frequency_and_damping():
 
 @pytest.mark.slow
 def test_heated_air_is_two_lags_behind_two_samples():
-    found = identify(*heated_air())
+    found = of_heated_air()
     assert found.structure == "two lags with dead time"
     assert found.fit_percent == pytest.approx(89.1, abs=0.1)
     assert found.validation_percent == pytest.approx(85.5, abs=0.1)
@@ -97,8 +104,7 @@ def test_heated_air_is_two_lags_behind_two_samples():
 
 @pytest.mark.slow
 def test_what_one_lag_cannot_explain_is_not_taken_for_drift():
-    record = heated_air()
-    found = identify(*record, structure="one lag with dead time")
+    found = of_heated_air("one lag with dead time")
     assert found.fit_percent == pytest.approx(86.0, abs=0.3)
     assert found.validation_percent == pytest.approx(82.4, abs=0.3)
 
@@ -120,7 +126,7 @@ def test_one_lag_by_least_squares_is_a_rival():
     bounds = [-9, 0.05, 0, -9], [9, 5, 1, 9]
     fits = [least_squares(rest, start, bounds=bounds, diff_step=1e-2) for start in starts]
     gain, lag, delay, _ = min(fits, key=lambda fit: fit.cost).x
-    found = identify(*record)
+    found = of_heated_air()
     assert found.plain.dcgain() == pytest.approx(gain, rel=0.02)
     assert -1 / found.plain.poles()[0].real == pytest.approx(lag, rel=0.05)
     assert found.plain.delay == pytest.approx(delay, abs=0.2 * step)
@@ -129,7 +135,7 @@ def test_one_lag_by_least_squares_is_a_rival():
 
 @pytest.mark.slow
 def test_process_stands_in_a_loop():
-    found = identify(*heated_air(), structure="one lag with dead time")
+    found = of_heated_air("one lag with dead time")
     model = found.process.tf
     assert nrdob.stabilizing_time_constants(found.process, model, 1)
 
@@ -168,7 +174,7 @@ def test_a_structure_that_is_too_simple_is_not_said_to_have_no_gain(seed):
 def test_units_scale_with_the_time_axis():
     t, u, y = heated_air()
     slow = identify(1000 * t, u, y, structure="two lags with dead time")
-    fast = identify(t, u, y, structure="two lags with dead time")
+    fast = of_heated_air("two lags with dead time")
     assert slow.process.delay == pytest.approx(1000 * fast.process.delay)
     assert slow.process(0.001j) == pytest.approx(fast.process(1j))
 
@@ -309,7 +315,7 @@ def test_a_coarse_sensor_and_a_plant_without_lag_are_not_taken_for_cut_off():
 @pytest.mark.slow
 def test_units_of_u_and_y_do_not_matter():
     t, u, y = heated_air()
-    plain = identify(t, u, y, structure="two lags with dead time")
+    plain = of_heated_air("two lags with dead time")
     scaled = identify(t, 1e12 * u, 1e-9 * y, structure="two lags with dead time")
     assert 1e21 * scaled.process(2j) == pytest.approx(plain.process(2j), rel=1e-6)
     assert scaled.fit_percent == pytest.approx(plain.fit_percent, rel=1e-6)
