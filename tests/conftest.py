@@ -53,15 +53,16 @@ LONG = {"site", "ledger_run", "graded"}
 
 @pytest.hookimpl(tryfirst=True)
 def pytest_collection_modifyitems(items):
-    """What waits for a long fixture is slow, and its file comes first.
+    """What waits for a long fixture is slow; its files come first, then those with slow tests.
 
-    Else one of the processes that share the tests would begin with it when the others are done.
+    Else one of the processes that share the tests would begin with one when the others are done.
     """
     waiting = [item for item in items if LONG & set(getattr(item, "fixturenames", ()))]
     for item in waiting:
         item.add_marker(pytest.mark.slow)
-    files = {item.path for item in waiting}
-    items.sort(key=lambda item: item.path not in files)
+    first = {item.path for item in waiting}
+    slow = {item.path for item in items if item.get_closest_marker("slow")}
+    items.sort(key=lambda item: (item.path not in first, item.path not in slow))
 
 
 def pytest_collection_finish():
