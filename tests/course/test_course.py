@@ -310,7 +310,6 @@ def test_marks_by_hand_reach_table_and_feedback(
     assert written["anna"] == "0.5"
     assert written["nobody"] == "1" and written["renamed"] == "1000"
     monkeypatch.setattr(exercises, "write_feedback", lambda *any: None)  # it has been, just now
-
     assert exercises.report(target) == 1 + len(WRITTEN)
     assert {row["student"]: row for row in Graded(target, 0, "").table()} == table
 

@@ -191,9 +191,9 @@ def test_an_answer_written_for_the_visible_cases_does_not_pass(
 @pytest.mark.slow
 @each_problem
 def test_everyone_has_another_case(this: Posed) -> None:
-    # Two that differ are enough; those come first that other tests have drawn.
-    first, *others = (1, 7, 2, 3, 4, 5, 6)
+    first, *others = range(1, 7)
     text = str(own_case(this.id, first))
+    # Two that differ are enough: no further case is drawn.
     assert any(str(own_case(this.id, group)) != text for group in others)
 
 
