@@ -151,7 +151,12 @@ def _question(
 ) -> str:
     """Ask what is not known, with the option that answers it."""
     if lacking == ["t"] and not several:
-        return f"and no time: add a column t in seconds, or {SAMPLING}"
+        add = "add a column t in seconds"
+        if left:
+            add = (
+                f"name the column that holds it, such as {_option({'t': left[0], **order}, heads)}"
+            )
+        return f"and no time: {add}, or {SAMPLING}"
     example = {**order, **{what: each[0] for what, each in several.items()}}
     more = f"; without times {SAMPLING}" if "t" in lacking else ""
     if len(left) < len(lacking):

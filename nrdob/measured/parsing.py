@@ -11,8 +11,8 @@ import numpy as np
 from ..numerics import FloatArray
 
 __all__ = [
-    "NUMBER", "THOUSANDS", "UNITS", "is_moment", "is_value", "number_in", "parted", "seconds_in",
-    "short",
+    "ABSENT", "NUMBER", "THOUSANDS", "UNITS", "is_moment", "is_value", "number_in", "parted",
+    "seconds_in", "short",
 ]  # fmt: skip
 
 LONGEST = 60  # characters of a cell or a heading that a message repeats
@@ -32,6 +32,9 @@ UNITS = {
 }
 """Seconds in each unit of time that a heading may name, in small letters."""
 
+ABSENT = ("", "-", "--", "---", "?", "nan", "na", "n/a", "#n/a", "#nv", "null", "none")
+"""What stands where there is no value, in small letters."""
+
 # A comma at its end separates columns.
 NUMBER = re.compile(r"[+-]?(\d+([.,]\d+|\.)?|[.,]\d+)(e[+-]?\d+)?", re.I)
 
@@ -49,6 +52,8 @@ MOMENT = re.compile(
     r"(?:\s*(?P<half>[ap])\.?m\.?)?)?\s*(?P<zone>z|utc|gmt|[+-]\d\d:?\d\d)?",
     re.I,
 )
+
+MINUTES = re.compile(r"(\d{1,3}):(\d\d[.,]\d+)")  # and seconds, for no other has a fraction
 
 ISO_DAY = re.compile(r"(\d{4})[-./](\d\d?)[-./](\d\d?)")
 
@@ -87,8 +92,14 @@ def parted(cell: str) -> tuple[str, str]:
 def is_moment(cell: str) -> bool:
     """Tell whether a cell looks like a date or a time of day."""
     text = cell.strip()
-    found = MOMENT.fullmatch(text) if 4 < len(text) <= LONGEST else None
+    found = MOMENT.fullmatch(_with_hours(text)) if 4 < len(text) <= LONGEST else None
     return found is not None and (found["day"] is not None or found["hour"] is not None)
+
+
+def _with_hours(text: str) -> str:
+    """Write minutes and seconds with the hours before them."""
+    found = MINUTES.fullmatch(text)
+    return f"{int(found[1]) // 60}:{int(found[1]) % 60:02}:{found[2]}" if found else text
 
 
 def is_value(cell: str) -> bool:
@@ -100,9 +111,10 @@ def is_value(cell: str) -> bool:
 def seconds_in(cells: Sequence[str], place: Callable[[int], str]) -> tuple[FloatArray, str]:
     """Read dates and times of day: seconds since the first, shape (N,), and the first cell.
 
-    Such as 2024-01-31T12:00:00.5, 12:00:00, 31.01.2024 12:00:00 or 1/31/2024 12:00:00 PM. An order
-    of day and month that is not year, month, day is not guessed: such a day may stand there as long
-    as it is the same in all rows. A ValueError names the cell as `place` does.
+    Such as 2024-01-31T12:00:00.5, 12:00:00, 31.01.2024 12:00:00, 1/31/2024 12:00:00 PM, or 00:00.5,
+    whose fraction tells that it is minutes and seconds. An order of day and month that is not year,
+    month, day is not guessed: such a day may stand there as long as it is the same in all rows. A
+    ValueError names the cell as `place` does.
     """
     days, clock, zones = [], np.empty(len(cells)), []
     for k, cell in enumerate(cells):
@@ -137,7 +149,7 @@ def seconds_in(cells: Sequence[str], place: Callable[[int], str]) -> tuple[Float
 
 def _moment(cell: str, where: str) -> tuple[str | None, float, float | None]:
     """Take a cell apart: its day, the seconds of that day, its zone in seconds."""
-    found = MOMENT.fullmatch(cell.strip()) if is_moment(cell) else None
+    found = MOMENT.fullmatch(_with_hours(cell.strip())) if is_moment(cell) else None
     if found is None:
         said = f"is {short(cell)!r}, which is no time like the ones before" * bool(cell)
         raise ValueError(

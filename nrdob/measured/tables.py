@@ -19,8 +19,8 @@ import numpy as np
 from ..diagram import real_number
 from ..numerics import FloatArray
 from .columns import SAMPLING, Choice, checked_columns, chosen
-from .parsing import THOUSANDS, UNITS, is_moment, number_in, parted, seconds_in, short
-from .records import Record, checked_record, look_swapped
+from .parsing import ABSENT, THOUSANDS, UNITS, is_moment, number_in, parted, seconds_in, short
+from .records import SHORTEST, Record, checked_record, look_swapped
 from .resampling import MISSING
 from .textfiles import SEEN, Sheet, read_sheet
 
@@ -33,7 +33,6 @@ EPOCHS = {"ms": 1e14, "us": 1e17, "ns": np.inf}
 PARTED = re.compile(r"[+-]?[1-9]\d{0,2}(\.\d{3})+")  # maybe thousands
 DECIMAL = re.compile(r"[+-]?\d+,\d+")
 SWITCHED = {"off": 0, "false": 0, "on": 1, "true": 1}
-ABSENT = ("", "-", "--", "---", "?", "nan", "na", "n/a", "#n/a", "#nv", "null", "none")
 HEATED_AIR_STEP = 0.08
 
 
@@ -53,7 +52,8 @@ def read_data(
     heading names (else seconds), dates or times of day; a column of these needs no heading that
     says so. An input that is on or off, or true or false, is 1 or 0. Lines in which u or y is
     empty, nan, null or a dash are missing, of which a few are filled in. Lines that begin with #, %
-    or // are left out, and so is what stands above the headings; a row of units may follow them.
+    or // are left out, and so is what stands above the headings, or tells of the columns between
+    them and the numbers; a row of units may follow the headings.
     The file is UTF-8, UTF-16 or Latin-1.
 
     Parameters
@@ -182,6 +182,11 @@ def _check_widths(sheet: Sheet, width: int) -> None:
     What stands behind the others in a few rows, if at all, as a comment does, may lack, unless
     the heading may have been parted at a comma or a blank of its own.
     """
+    if len(sheet.rows) < SHORTEST <= width:
+        raise ValueError(
+            f"the table has {len(sheet.rows)} rows and {width} columns; a record has a row for "
+            "each sample: exchange rows and columns"
+        )
     usual = mode(map(len, sheet.rows)) if sheet.rows else width
     least = usual if usual == width - 1 and sheet.separator not in ", " else width
     for number, row in zip(sheet.lines, sheet.rows, strict=True):
@@ -189,10 +194,14 @@ def _check_widths(sheet: Sheet, width: int) -> None:
             continue
         if len(row) > width and not any(cell.strip() for cell in row[width:]):
             continue
-        decimal = " (a comma in a number? separate the columns by semicolons)"
+        remedies = []
+        if sheet.separator == "," and len(row) > width:
+            remedies.append("if a comma stands in numbers, separate the columns by semicolons")
+        if sheet.head_line and number == sheet.lines[0]:
+            remedies.append("take out what stands above the headings, if anything does")
         raise ValueError(
             f"line {number} has {len(row)} cell{'s' * (len(row) != 1)} where the first has {width}"
-            + decimal * (sheet.separator == "," and len(row) > width)
+            + "; ".join(["", *remedies])
         )
 
 
@@ -271,28 +280,33 @@ def _numbers(sheet: Sheet, what: str, column: int) -> tuple[FloatArray, str]:
             f"{there!r}: write all in one unit, or without any"
         )
     _check_decimals(sheet, what, cells)
-    found = np.empty(len(cells))
-    for k, (cell, value) in enumerate(zip(cells, values, strict=True)):
+    for k, value in enumerate(values):
         if value is None or not isfinite(value):
-            said = _said(cell)
-            if k == 0 and re.fullmatch(r"[^\W\d_]+", cell):
-                raise ValueError(
-                    f"line {sheet.lines[k]}: {what} {said}: write numbers in place of words, such "
-                    "as 1 for on and 0 for off, or name another column"
-                )
-            more = (
-                "; write thousands without a separator"
-                if value is None and THOUSANDS.fullmatch(cell)
-                else ", or fill a short gap yourself"
-            )
-            if what == "t" and not cell:
-                more += f"; or, if the samples are even, {SAMPLING}"
-            raise ValueError(
-                f"line {sheet.lines[k]}: {what} {said}; cut the record there, take the line out (a "
-                f"few missing lines are filled in){more}"
-            )
-        found[k] = value
-    return found, "".join(units)
+            none = all(each is None for each in values)
+            raise ValueError(f"line {sheet.lines[k]}: {what} {_remedy(what, cells[k], none)}")
+    return np.array(values, dtype=float), "".join(units)
+
+
+def _remedy(what: str, cell: str, none: bool) -> str:
+    """Say that a cell is no finite number, or that none of its column is, and what to do."""
+    thousands = THOUSANDS.fullmatch(cell)
+    if none and cell and not thousands:
+        words = (
+            f"write times as 2024-01-31 12:00:00, or {SAMPLING}"
+            if what == "t"
+            else "write numbers in place of words, such as 1 for on and 0 for off, and give "
+            "signals that share a column a column each"
+        )
+        return f"is {short(cell)!r}, and no line has a number there: name another column; {words}"
+    more = (
+        "; write thousands without a separator" if thousands else ", or fill a short gap yourself"
+    )
+    if what == "t" and not cell:
+        more += f"; or, if the samples are even, {SAMPLING}"
+    return (
+        f"{_said(cell)}; cut the record there, take the line out (a few missing lines are filled "
+        f"in){more}"
+    )
 
 
 def _check_decimals(sheet: Sheet, what: str, cells: Sequence[str]) -> None:

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from .columns import known
-from .parsing import NUMBER, is_value, short
+from .parsing import ABSENT, NUMBER, is_value, short
 
 __all__ = ["SEEN", "Sheet", "read_sheet"]
 
@@ -85,9 +85,10 @@ def read_sheet(path: Path) -> Sheet:
         heads.pop()
     if head or (head is None and not heads and first):
         begins = lines[first] if head is None else head_line
-        last = "line 1 is" if begins == 2 else f"lines 1 to {begins - 1} are"
         what = "headings" if head else "numbers"
-        notes = (*notes, f"{last} above the {what}, and not read as part of the table")
+        notes += (f"{_are(1, begins - 1)} above the {what}, and not read as part of the table",)
+    if head is not None and (between := lines[(below or head) + 1 : first]):
+        notes += (f"{_are(between[0], between[-1])} between headings and numbers, and not read",)
     empty = {k for k, line in every if not line.strip(f" \t{separator}")}
     inside = [k for k in range(lines[first] if first < len(lines) else 0, lines[-1]) if k in empty]
     # A file of which every second line is empty has lost nothing.
@@ -96,6 +97,10 @@ def read_sheet(path: Path) -> Sheet:
         rows[first:], lines[first:], heads, rows[below] if below is not None else (), head_line,
         separator, inside[0] if inside and not spaced else 0, notes,
     )  # fmt: skip
+
+
+def _are(first: int, last: int) -> str:
+    return f"line {first} is" if first == last else f"lines {first} to {last} are"
 
 
 def _bare(line: str) -> str:
@@ -257,10 +262,14 @@ def _layout(rows: Sequence[Sequence[str]]) -> tuple[int, int | None, int | None]
         return (1, 0, None) if values[0] == 0 else (0, None, None)
     width = max(len(row) for row in rows[first : first + 20])
     above: list[int] = []
-    for k in range(first - 1, max(first - 1 - UPPERS, -1), -1):
-        text = [cell for cell in rows[k] if cell.strip()]
+    for k in reversed(range(first)):
+        lone = sum(bool(cell.strip()) for cell in rows[k]) < 2
+        # Between headings and numbers an instrument may tell of the columns: "Port 851 851".
+        described = values[k] and numbered and not is_value(rows[k][0])
+        if not above and (lone or (described and rows[k][0].strip().lower() not in ABSENT)):
+            continue
         # The last one may have nothing below it: comments, where there are none.
-        if values[k] or len(text) < 2 or len(rows[k]) > width + 1:
+        if values[k] or lone or len(rows[k]) > width + 1 or len(above) == UPPERS:
             break
         above.append(k)
     if not above:
@@ -269,7 +278,7 @@ def _layout(rows: Sequence[Sequence[str]]) -> tuple[int, int | None, int | None]
             return first, None, None
         return (0, None, None) if values[0] else (1, 0, None)
     head = max(reversed(above), key=lambda k: known(rows[k]))
-    return first, head, head + 1 if head + 1 < first else None
+    return first, head, head + 1 if head + 1 in above else None
 
 
 def _commented(

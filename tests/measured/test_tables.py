@@ -155,6 +155,17 @@ DRESSES = {
         lines("u,y", lambda k, t, u, y: (f"{u}", f"{y}" if k != 57 else "NaN")),
         NO_TIMES,
     ),
+    "an instrument's header": (
+        "Name\tScope\nEnd\t1335\tMonday\t12:10:00\n\nName\tu\tName\ty\nSymbol\tMAIN.u\tSymbol\t"
+        "MAIN.y\nPort\t851\tPort\t851\n" + lines("Sample time[ms]\t500\tSample time[ms]\t500",
+        lambda k, t, u, y: (f"{1e3 * t:.0f}", f"{u}", f"{1e3 * t:.0f}", f"{y}"), "\t"),
+        {"columns": {"t": "1 [ms]"}},
+    ),
+    "a word between headings and numbers": (lines("t,u,y\n[Data]", plain), {}),
+    "minutes and seconds": (
+        lines("Time,u,y", lambda k, t, u, y: (f"{t // 60:02.0f}:{t % 60:04.1f}", f"{u}", f"{y}")),
+        {},
+    ),
     "old line ends": (lines("t,u,y", plain).replace("\n", "\r"), {}),
     "sep=": ("sep=;\n" + lines("t;u;y", comma, ";"), {}),
     "a row is missing": (lines("t,u,y", plain, keep=[k for k in range(COUNT) if k != 57]), {}),
@@ -242,7 +253,7 @@ REFUSED = {
     ),
     "decimal commas beside commas": (
         replaced(lambda k: f"{k},0,{k // 7 % 2},5,{k % 5},5"),
-        "line 2 has 6 cells where the first has 3 .*semicolons",
+        "line 2 has 6 cells where the first has 3; .*semicolons",
     ),
     "two units of a signal": (
         replaced(lambda k: f"{k} s,{k // 7 % 2} V,{950 + k if k < 50 else 1.0} {'mW'[k > 49 :]}"),
@@ -334,6 +345,26 @@ REFUSED = {
     "a set point beside an output of a controller": (
         replaced(lambda k: f"{k},40,{k % 5},{k // 7 % 2}", "time,SP,PV,CO"),
         "choose, such as .*u=CO,y=PV",
+    ),
+    "rows for columns": (
+        "\n".join(",".join(row) for row in zip(*(each.split(",") for each in GOOD), strict=True)),
+        "the table has 3 rows and 60 columns; a record has a row for each sample: exchange rows",
+    ),
+    "two signals in one column": (
+        replaced(lambda k: f"{k},lab.heater,{k % 5}\n{k},lab.oven,{k % 7}", "time,u,y"),
+        "line 2: u is 'lab.heater', and no line has a number there: .* a column each",
+    ),
+    "times in words": (
+        replaced(lambda k: f"Wed Jan 31 12:00:{k} 2024;{k // 7 % 2};{k % 5}", "time;u;y"),
+        "line 2: t is 'Wed Jan 31 .* write times as 2024-01-31 12:00:00, or give the sampling",
+    ),
+    "times of which the heading says nothing": (
+        replaced(lambda k: f"{GOOD[k]},3", "Name,u,y,room"),
+        "no time: name the column that holds it, such as --columns t=Name,u=u,y=y;",
+    ),
+    "a preamble that is taken for headings": (
+        replaced(lambda k: GOOD[k], "Lab 7,Monday"),
+        "line 2 has 3 cells where the first has 2; .*; take out what stands above the headings",
     ),
     "which input": (
         replaced(lambda k: f"{GOOD[k]},1", "Time,u1,y,u2"),
