@@ -22,9 +22,9 @@ ABRUPT = 0.2
 COARSE = 3.0  # steps of a coarse sensor that the last one before a limit must exceed
 # Samples and share of the range in which an output rests at a stop, where its noise is far less.
 RESTS, CLOSE, QUIET = 15, 0.02, 0.25
-SPIKE = 8.0  # largest other steps of y that a single sample that is none is away
-MOST_SPIKES = 50
-PULSE = 4  # samples before it in which the input may explain it
+SPIKE = 8.0  # largest other steps of y that a few samples that are none are away
+MOST_SPIKES, LASTING = 50, 10  # how many there may be, and samples that each may last
+PULSE = 4  # samples before the last one in which the input may explain it
 BEFORE = "give what the input was before (input_before=0; in the shell --input-before 0)"
 # Times as often as y that u may change, and times as many values that it may take, if y takes few.
 SWAPPED, FEW = 10, 5
@@ -124,20 +124,25 @@ def checked_record(
         notes = (*notes, f"before it u is {input_before:g}, as you say, and the plant at rest")
     moves = inputs if input_before is None else np.append(input_before, inputs)
     _check_moving(moves, outputs)
-    free, noticed = _stuck(outputs, place)
-    if free.all() and (stop := _stopped(outputs)) is not None:
-        free[stop] = False
-        noticed.append(
-            f"y moves on steadily until {place(stop.start)}, and then rests at "
-            f"{outputs[stop].mean():.3g} without its noise: it looks stopped by a limit, and these "
-            f"{stop.stop - stop.start} samples are left out; measure again with a smaller input"
-        )
+    free, noticed = np.ones(outputs.size, dtype=bool), []
     if (spikes := _spikes(moves, outputs)).size:
         free[spikes] = False
         more = f", and {spikes.size - 1} more" if spikes.size > 1 else ""
         noticed.append(
             f"y is {outputs[spikes[0]]:g} at {place(int(spikes[0]))}{more}, far from the samples "
-            "beside it: taken for an outlier and left out; look what the sensor did there"
+            f"beside it: taken for {'outliers' if more else 'an outlier'} and left out; look what "
+            "the sensor did there"
+        )
+    every = np.arange(outputs.size)
+    unstuck, cut = _stuck(np.interp(every, every[free], outputs[free]), place)
+    free &= unstuck
+    noticed += cut
+    if unstuck.all() and (stop := _stopped(outputs)) is not None:
+        free[stop] = False
+        noticed.append(
+            f"y moves on steadily until {place(stop.start)}, and then rests at "
+            f"{outputs[stop].mean():.3g} without its noise: it looks stopped by a limit, and these "
+            f"{stop.stop - stop.start} samples are left out; measure again with a smaller input"
         )
     if look_swapped(inputs, outputs):
         noticed.append(
@@ -266,26 +271,41 @@ def _stopped(outputs: FloatArray) -> slice | None:
 
 
 def _spikes(moves: FloatArray, outputs: FloatArray) -> IntArray:
-    """Find samples to which y goes and from which it comes back, or with which it begins or ends.
+    """Find samples to which y leaps and from which it leaps back, or with which it begins or ends.
 
-    Nowhere else it steps as far, and the input does not explain it.
+    Elsewhere its steps are far smaller, and the input does not explain it.
     """
-    moved = np.diff(moves, prepend=moves[0])[-outputs.size :] != 0
-    steps = np.diff(outputs)
+    turns = np.abs(np.diff(moves, prepend=moves[0])[-outputs.size :])
+    moved, far = turns > 0, np.flatnonzero(turns > turns.max() / 2)
+    # The record begins and ends as if y came from where it goes, and went back to where it was.
+    first = outputs[0 if moved[:2].any() else 1]
+    last = outputs[-1 if moved[-PULSE:].any() else -2]
+    steps = np.diff(outputs, prepend=first, append=last)
     sizes = np.abs(steps)
-    back = np.where(steps[:-1] * steps[1:] < 0, np.minimum(sizes[:-1], sizes[1:]), 0.0)
-    first = 0.0 if moved[:2].any() else sizes[0]
-    last = 0.0 if moved[-PULSE:].any() else sizes[-1]
-    leaps = np.array([first, *back, last])
-    order = np.argsort(-leaps)[: MOST_SPIKES + 1]
-    for count in 1 + np.flatnonzero(leaps[order[:-1]] > SPIKE * leaps[order[1:]]):
-        spikes = np.sort(order[:count])
-        beside = np.union1d(spikes - 1, spikes)
-        others = np.delete(sizes, beside[(beside >= 0) & (beside < sizes.size)])
-        pulses = any(moved[max(k - PULSE + 1, 0) : k + 1].sum() > 1 for k in spikes)
-        if leaps[spikes].min() > SPIKE * others.max() and not pulses:
+    order = np.argsort(-sizes)[: 2 * MOST_SPIKES]
+    for count in range(order.size, 1, -1):
+        leaps = np.sort(order[:count])
+        least = sizes[order[count - 1]]
+        back = np.abs(np.cumsum(steps[leaps])) < least / 2  # to where y was at first
+        groups = np.split(leaps, 1 + np.flatnonzero(back[:-1]))
+        spikes = np.concatenate([np.arange(group[0], group[-1]) for group in groups])
+        lasting = max(map(np.ptp, groups))
+        if not back[-1] or lasting > LASTING or spikes.size > MOST_SPIKES:
+            continue
+        others = np.delete(sizes, np.union1d(spikes, spikes + 1)).max(initial=0.0)
+        largest = [group[sizes[group] > sizes[group].max() / 2] for group in groups]
+        # Were there many more moves as large, y would have leapt after each.
+        explained = far.size <= 2 * count and any(_explained(group, far) for group in largest)
+        if 0 < others < least / SPIKE and not explained:
             return spikes
     return order[:0]
+
+
+def _explained(leaps: IntArray, moved: IntArray) -> bool:
+    """Whether the input moved before as y leaps, a fraction of a sample being one or two leaps."""
+    causes = moved if np.ptp(leaps) == 1 else np.union1d(moved, moved + 1)
+    late = leaps[:, None] - np.arange(leaps[-1] + 1)
+    return bool(np.isin(late, causes).all(axis=0).any())
 
 
 def resolution(outputs: FloatArray) -> float:

@@ -417,12 +417,30 @@ def test_a_limit_is_told_only_where_with_it_the_record_is_explained():
     assert not any("cut off" in said for said in told(t, u, clipped + 1.5 * np.sin(t / 40) ** 3))
 
 
-@pytest.mark.slow
-def test_what_a_pulse_of_the_input_does_is_no_spike():
-    inputs = np.where(np.arange(200) % 100 == 60, 1.0, 0.0)
-    t, u, y = np.arange(200), inputs, np.append(0.0, 3 * inputs[:-1])
-    y = y + 0.01 * np.random.default_rng(0).standard_normal(200)
-    assert not [each for each in told(t, u, y) if "far from" in each]
+@pytest.mark.parametrize("wide", [1, 2, 8])
+@pytest.mark.parametrize("late", [1, 2.5, 30])
+def test_what_a_pulse_of_the_input_does_is_no_spike(wide, late):
+    times = np.arange(300.0)
+    u = ((times % 150 > 60) & (times % 150 <= 60 + wide)) * 1.0
+    y = 3 * np.interp(times - late, times, u, left=0.0)
+    y += 0.01 * np.random.default_rng(0).standard_normal(300)
+    assert checked_record(times, u, y).free.all()
+
+
+@pytest.mark.parametrize("lasting", [2, 3, 4, 6, 10])
+@pytest.mark.parametrize("written", [0.0, 90.0, "noise"])
+def test_a_sensor_that_fails_for_some_samples_is_told_and_does_not_pull(lasting, written):
+    rng = np.random.default_rng(lasting)
+    t, u, y = lag(np.where(np.arange(400) // 80 % 2, 1.0, 0.0))
+    y += 20
+    failed = slice(203, 203 + lasting)
+    y[failed] = rng.standard_normal(lasting) if written == "noise" else written
+    said = f"y is {y[203]:g} at sample 203, and {lasting - 1} more, .* for outliers and left out"
+    with pytest.warns(UserWarning, match=said) as warned:
+        found = identify(t, u, y, structure=ONE_LAG)
+    assert len(warned) == 1 and np.flatnonzero(~found.record.free).size == lasting
+    gain, slow = (found.parameters[name] for name in ("gain", "lag"))
+    assert gain.low < 2 < gain.high and slow.low < 15 < slow.high
 
 
 def test_a_lag_far_shorter_than_a_sample_asks_for_faster_ones():
