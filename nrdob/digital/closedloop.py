@@ -18,12 +18,13 @@ from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
+from scipy.optimize import minimize_scalar
 
 from ..numerics import FloatArray
 from .controller import SampledController
 from .hold import WHOLE, HeldProcess
 
-__all__ = ["ClosedLoop", "Recursion"]
+__all__ = ["ClosedLoop", "Recursion", "first_unstable"]
 
 ENTERING = ("R", "d", "eta", "delta", "delta a sample earlier")
 """The external inputs, δ behind the dead time of the process."""
@@ -175,3 +176,32 @@ class ClosedLoop:
     def _split(self, rows: FloatArray) -> Rows:
         by_state, by_input, by_decision = np.split(rows, self._cuts, axis=1)
         return by_state, by_input, by_decision
+
+
+def first_unstable(
+    excess: Callable[[float], float], values: FloatArray
+) -> tuple[float, float] | None:
+    """Bracket the first value of a parameter at which a loop is unstable; at the lowest it is not.
+
+    Parameters
+    ----------
+    excess : callable
+        Gives the spectral radius, less 1, at a value.
+    values : (N,) array
+        The values looked at, increasing; between them a local maximum is, where it may reach 0.
+    """
+    seen: list[float] = []
+    for k, value in enumerate(values.tolist()):
+        seen.append(excess(value))
+        if seen[-1] >= 0:
+            return float(values[k - 1]), value
+        if k < 2:
+            continue
+        before, top, after = seen[-3:]
+        if top >= max(before, after) and 2 * top >= min(before, after):
+            # A local maximum that may be above 0, as it rises over its neighbours: how high is it?
+            low, high = float(values[k - 2]), value
+            highest = minimize_scalar(lambda t: -excess(t), bounds=(low, high), method="bounded")
+            if -highest.fun >= 0:
+                return low, float(highest.x)
+    return None

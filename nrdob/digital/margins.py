@@ -17,7 +17,7 @@ from scipy.optimize import brentq, root
 
 from ..analysis import Ends, Locus, Margins, margins_at, notable_frequencies, subdivided
 from ..numerics import ComplexArray, FloatArray
-from .closedloop import ClosedLoop
+from .closedloop import ClosedLoop, first_unstable
 from .controller import SampledController
 from .hold import HeldProcess
 from .unitcircle import CircleFunction, Product, resolved
@@ -29,6 +29,9 @@ LOWEST = 1e-8  # of the frequencies of crossings, against the lowest at which an
 
 LOOKED_AT, DEAD_TIMES = 120, 32
 """States of a loop up to which eigenvalues are computed, and at how many dead times."""
+
+BETWEEN = (-0.75, -0.5, -0.25, -1e-6, 0.0)  # samples before and at each jump
+AT_ONCE = 0.5  # inverse time constants per sample from which on a lag answers like a direct path
 
 SOLVED = 1e-9  # what may be left of 1 + L where the loop becomes unstable
 
@@ -118,13 +121,25 @@ def _added_delay(
 
     if excess(0.0) >= 0:  # another part of the loop is unstable already
         return turned * dt
-    # A direct path jumps from sample to sample, so that no dead time solves 1 + L = 0.
-    end, last = (max(starts) + 2 if least == inf else least), 0.0
-    for samples in np.linspace(0, end, DEAD_TIMES)[1 : None if least == inf else -1].tolist():
-        if excess(samples) >= 0:
-            return float(brentq(excess, last, samples, xtol=1e-12)) * dt
-        last = samples
-    return least * dt
+    end = max(starts) + 2 if least == inf else least
+    bracket = first_unstable(excess, np.array([0.0, *_tried(held, end)]))
+    if bracket is None:
+        return least * dt
+    return float(brentq(excess, *bracket, xtol=1e-12)) * dt
+
+
+def _tried(held: HeldProcess, end: float) -> list[float]:
+    """Choose added dead times in samples, below `end`, at which the loop is looked at.
+
+    What answers at once jumps from sample to sample, so that 1 + L = 0 need not have a solution
+    where the loop becomes unstable, and it may soon be stable again: each sample counts then.
+    """
+    fastest = np.abs(np.linalg.eigvals(held.A)).max(initial=0.0)
+    if not held.D and fastest * held.dt < AT_ONCE:
+        return np.linspace(0, end, DEAD_TIMES)[1:-1].tolist()
+    jumps = np.arange(1, end + 2) - held.fraction
+    tried = np.add.outer(jumps, BETWEEN).ravel()
+    return tried[(tried > 0) & (tried < end)].tolist()
 
 
 def _response(held: HeldProcess, omega: float) -> complex:

@@ -134,7 +134,9 @@ class SampledLoop:
 
         The delay margin is the smallest dead time that must be added to the process, or to the
         computation, for the loop to become unstable: whole samples turn L, fractions act on the
-        hold.
+        hold. With a direct path, or a lag shorter than two samples, the loop may become unstable
+        and stable again within one sample, so that eigenvalues are computed in each; beyond 120
+        states they are not, and the margin of such a process may be too large.
         """
         numerator, denominator = self._loop_gain
         stable = self._stability.observer_loop.stable

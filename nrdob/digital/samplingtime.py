@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import replace
 from math import inf
 
 import numpy as np
-from scipy.optimize import brentq, minimize_scalar
+from scipy.optimize import brentq
 
 from ..analysis import stability
 from ..diagram import DelayedTransferFunction, LoopEquations
 from ..numerics import FloatArray
+from .closedloop import first_unstable
 from .sampled import SampledLoop
 
 __all__ = ["largest_sampling_time"]
@@ -86,7 +86,7 @@ def largest_sampling_time(
             f"the shortest in the search: {verdict.reason}; judge the dt at hand, by "
             "loop.sampled(dt).stability()"
         )
-    bracket = _first_unstable(excess, times)
+    bracket = first_unstable(excess, times)
     if bracket is None:
         return inf
     low, high = bracket
@@ -114,21 +114,3 @@ def _times(loop: LoopEquations, delay: float) -> FloatArray:
     first = max(FASTEST * lengths.min(), delay / SAMPLES)
     last = SLOWEST * lengths.max()
     return np.geomspace(first, last, max(2, int(np.log(last / first) / np.log(STEP)) + 1))
-
-
-def _first_unstable(
-    excess: Callable[[float], float], times: FloatArray
-) -> tuple[float, float] | None:
-    """Bracket the first sampling time at which the loop is unstable; at the shortest it is not."""
-    seen: list[float] = []
-    for k, dt in enumerate(times.tolist()):
-        seen.append(excess(dt))
-        if seen[-1] >= 0:
-            return float(times[k - 1]), dt
-        if k >= 2 and seen[-2] >= max(seen[-1], seen[-3]):
-            # A local maximum between three neighbours: how high is it?
-            low, high = float(times[k - 2]), dt
-            top = minimize_scalar(lambda t: -excess(t), bounds=(low, high), method="bounded")
-            if -top.fun >= 0:
-                return low, float(top.x)
-    return None

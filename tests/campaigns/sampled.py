@@ -64,6 +64,27 @@ def brute_force(case: Case) -> np.ndarray:
     return poles(plain(case.loop), case.dt, case.method, case.computation_delay)
 
 
+def lasts_as_long_as_it_says(case: Case) -> bool:
+    """Whether the loop is stable with less dead time than its margin, and unstable with more.
+
+    Looked at are shares of the margin, and the dead times at which the samples that lie in it
+    become one more: there a process with a direct path jumps.
+    """
+    sampled = case.sampled()
+    margin = sampled.margins().delay_margin
+    if sampled.process.memory + margin / case.dt > 60:
+        return True
+    jumps = (np.arange(1, 7) - sampled.process.fraction) * case.dt
+    tried = np.union1d(margin * np.array([0.1, 0.35, 0.6, 0.85, 0.999]), [*jumps, *jumps - 1e-4])
+
+    def radius(added: float) -> float:
+        late = case._replace(computation_delay=case.computation_delay + added)
+        return float(np.abs(brute_force(late)).max())
+
+    shorter = tried[(tried > 0) & (tried < 0.9999 * margin)]
+    return max(map(radius, shorter), default=0.0) < 1 < radius(1.00001 * margin) + CLOSE
+
+
 def outcome(case: Case) -> str:
     size = np.abs(brute_force(case))
     verdict = case.sampled().stability()
@@ -76,6 +97,8 @@ def outcome(case: Case) -> str:
     counts = verdict.model_loop.closed_loop_rhp, verdict.observer_loop.closed_loop_rhp
     if None not in counts and sum(counts) != np.sum(size > 1):
         return "WRONG count"
+    if verdict.stable and not lasts_as_long_as_it_says(case):
+        return f"WRONG delay margin, {case.method}"
     found = "stable" if verdict.stable else "not stable"
     return f"{found}, as by brute force, {case.method}"
 

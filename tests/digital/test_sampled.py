@@ -340,6 +340,21 @@ def test_it_does_so_where_another_crossing_is_200_samples_off():
     assert sampled.margins().delay_margin == pytest.approx(0.7 * 0.035 + 0.035, rel=1e-6)
 
 
+@pytest.mark.parametrize(
+    ("lag", "lam", "dt"), [(0.0, 1.0, 0.05), (0.0, 2.0, 0.2), (0.01, 1.0, 0.1), (0.1, 1.0, 0.2)]
+)
+def test_a_loop_that_is_unstable_for_a_part_of_a_sample_only_has_its_margin_there(lag, lam, dt):
+    process = (s + 1) / (s + 2) / (lag * dt * s + 1)
+    loop = nrdob.NRDOB(process, 1 / (s + 1), 0.2 / s, nrdob.LowPassFilter(lam, 1))
+    margin = loop.sampled(dt).margins().delay_margin
+
+    def radius(late):
+        return np.abs(campaign.brute_force(campaign.Case(loop, dt, late))).max()
+
+    assert max(map(radius, np.arange(0, margin - 1e-4 * dt, 0.05 * dt))) < 1
+    assert radius(margin * (1 + 1e-6)) > 1 - 1e-12
+
+
 def test_an_unstable_process_that_grows_too_far_within_a_sample_is_refused():
     loop = nrdob.NRDOB(1 / (s - 1), 1 / (s + 1), 1.0, nrdob.LowPassFilter(0.5, 1))
     with pytest.raises(ValueError, match="choose a shorter dt"):
