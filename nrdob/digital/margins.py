@@ -122,24 +122,24 @@ def _added_delay(
     if excess(0.0) >= 0:  # another part of the loop is unstable already
         return turned * dt
     end = max(starts) + 2 if least == inf else least
-    bracket = first_unstable(excess, np.array([0.0, *_tried(held, end)]))
+    bracket = first_unstable(excess, _tried(held, end))
     if bracket is None:
         return least * dt
     return float(brentq(excess, *bracket, xtol=1e-12)) * dt
 
 
-def _tried(held: HeldProcess, end: float) -> list[float]:
-    """Choose added dead times in samples, below `end`, at which the loop is looked at.
+def _tried(held: HeldProcess, end: float) -> FloatArray:
+    """Choose added dead times in samples, from 0 to below `end`, at which the loop is looked at.
 
     What answers at once jumps from sample to sample, so that 1 + L = 0 need not have a solution
     where the loop becomes unstable, and it may soon be stable again: each sample counts then.
     """
     fastest = np.abs(np.linalg.eigvals(held.A)).max(initial=0.0)
     if not held.D and fastest * held.dt < AT_ONCE:
-        return np.linspace(0, end, DEAD_TIMES)[1:-1].tolist()
+        return np.linspace(0, end, DEAD_TIMES)[:-1]
     jumps = np.arange(1, end + 2) - held.fraction
     tried = np.add.outer(jumps, BETWEEN).ravel()
-    return tried[(tried > 0) & (tried < end)].tolist()
+    return np.append(0.0, tried[(tried > 0) & (tried < end)])
 
 
 def _response(held: HeldProcess, omega: float) -> complex:
