@@ -16,6 +16,7 @@ from .html import Picture, Section, Table, picture
 __all__ = ["data_sections", "record_section"]
 
 MOST_POINTS = 4000  # points of a record that are drawn; more would make the page large
+ROOM = 0.05  # of the range of y, above and below it
 
 
 def data_sections(found: Identification) -> Iterator[tuple[str, Callable[[], Section]]]:
@@ -27,9 +28,9 @@ def data_sections(found: Identification) -> Iterator[tuple[str, Callable[[], Sec
 
 def record_section(record: Record, found: Identification | None = None) -> Section:
     """Show a record, and what a process found in it makes of it."""
-    u, y = map(_range, (record.u, record.y))
     said = f"{record.u.size} samples every {number(record.sampling_time, 4)} s"
-    words = (f"{said}; u lies {u}, y {y}.", *map(_sentence, record.notes))
+    words = (f"{said}; u lies {_range(record.u)}, y {_outputs(record)}.",)
+    words += tuple(map(_sentence, record.notes))
     remarks = tuple(map(_sentence, (found or record).remarks))
     return Section("What was measured", words, (), (_drawn(record, found),), remarks)
 
@@ -98,12 +99,14 @@ def _drawn(record: Record, found: Identification | None) -> Picture:
             upper.legend(loc="best")
         lower.step(t, u, where="post", color=COLOURS["controller"], lw=1.0)
         upper.set(ylabel="output y")
+        if not record.free.all():  # what a sensor writes where it fails would hide all others
+            upper.set_ylim(*_around(record, found))
         lower.set(ylabel="input u", xlabel="time (s)")
         for ax in (upper, lower):
             ax.set_xlim(t[0], t[-1])
     alt = (
         f"Record of {record.u.size} samples over {number(float(np.ptp(record.t)))} s: "
-        f"y {_range(record.y)}, u {_range(record.u)}"
+        f"y {_outputs(record)}, u {_range(record.u)}"
     )
     if found is not None:
         alt += f"; the model explains {number(found.fit_percent)} % of the fitted part"
@@ -112,6 +115,20 @@ def _drawn(record: Record, found: Identification | None) -> Picture:
     figure = Figure(upper.lines, np.array([[upper], [lower]]), alt)
     caption = "What was measured" + (" and what the process found makes of u." if found else ".")
     return picture(figure, caption)
+
+
+def _outputs(record: Record) -> str:
+    aside = "" if record.free.all() else " in the samples that count"
+    return _range(record.y[record.free]) + aside
+
+
+def _around(record: Record, found: Identification | None) -> tuple[float, float]:
+    """Give limits for the outputs that count, and for what the model makes of u."""
+    shown = record.y[record.free]
+    if found is not None:
+        shown = np.append(shown, found.predicted)
+    low, high = float(np.nanmin(shown)), float(np.nanmax(shown))  # none before what is compared
+    return low - ROOM * (high - low), high + ROOM * (high - low)
 
 
 def _range(values: FloatArray) -> str:

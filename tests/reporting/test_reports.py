@@ -15,7 +15,7 @@ import nrdob
 from nrdob.certificates import check
 from nrdob.digital import largest_sampling_time
 from nrdob.measured import checked_record, heated_air, identify
-from nrdob.reporting import main, propose
+from nrdob.reporting import datasections, main, propose
 from nrdob.reporting.choices import controller_for, filter_for
 from nrdob.reporting.datasections import data_sections
 from nrdob.reporting.loopsections import sections_of
@@ -158,6 +158,22 @@ def test_a_record_without_a_process_is_still_shown():
     u[58:] = 1.0
     text = words(nrdob.report(checked_record(np.arange(60.0), u, rng.standard_normal(60))))
     assert "60 samples every 1 s" in text
+
+
+@pytest.mark.slow
+def test_what_a_sensor_writes_where_it_fails_does_not_hide_the_record(monkeypatch):
+    monkeypatch.setattr(datasections, "picture", lambda figure, caption: figure)
+    t = np.arange(200.0)
+    y = 20 + np.where(t < 50, 0.0, 1 - np.exp((50 - t) / 15))
+    y += 0.01 * np.random.default_rng(0).standard_normal(200)
+    y[100:103] = -999
+    with pytest.warns(UserWarning, match="left out"):
+        found = identify(t, np.where(t < 50, 0.0, 1.0), y, structure="one lag with dead time")
+    for told in (None, found):
+        shown = datasections.record_section(found.record, told)
+        assert "y between 20 and 21 in the samples that count." in shown.words[0]
+        low, high = shown.pictures[0].axes[0, 0].get_ylim()
+        assert 19.8 < low < 20 and 21 < high < 21.2
 
 
 @pytest.mark.slow
