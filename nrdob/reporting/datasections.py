@@ -29,8 +29,8 @@ def data_sections(found: Identification) -> Iterator[tuple[str, Callable[[], Sec
 def record_section(record: Record, found: Identification | None = None) -> Section:
     """Show a record, and what a process found in it makes of it."""
     said = f"{record.u.size} samples every {number(record.sampling_time, 4)} s"
-    words = (f"{said}; u lies {_range(record.u)}, y {_outputs(record)}.",)
-    words += tuple(map(_sentence, record.notes))
+    ranges = f"{said}; u lies {_range(record.u)}, y {_outputs(record)}."
+    words = (ranges, *map(_sentence, record.notes))
     remarks = tuple(map(_sentence, (found or record).remarks))
     return Section("What was measured", words, (), (_drawn(record, found),), remarks)
 
