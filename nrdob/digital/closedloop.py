@@ -32,6 +32,7 @@ ENTERING = ("R", "d", "eta", "delta", "delta a sample earlier")
 Rows = tuple[FloatArray, FloatArray, FloatArray]
 """Rows of signals over states, inputs and decisions."""
 
+SHARP = 10.0  # how much more a local maximum may rise between values than it does over them
 STILL = 1e-9  # rate of change, against what u and δ would cause, that is rounding
 
 
@@ -198,8 +199,8 @@ def first_unstable(
         if k < 2:
             continue
         before, top, after = seen[-3:]
-        if top >= max(before, after) and 2 * top >= min(before, after):
-            # A local maximum that may be above 0, as it rises over its neighbours: how high is it?
+        if top >= max(before, after) and top + SHARP * (top - min(before, after)) >= 0:
+            # A local maximum, near enough to 0 for how sharp it is: how high is it?
             low, high = float(values[k - 2]), value
             highest = minimize_scalar(lambda t: -excess(t), bounds=(low, high), method="bounded")
             if -highest.fun >= 0:
