@@ -9,7 +9,7 @@ the crossings are bracketed and refined by the same search as in continuous time
 from __future__ import annotations
 
 from dataclasses import replace
-from functools import reduce
+from functools import cache, reduce
 from math import inf, pi
 
 import numpy as np
@@ -116,30 +116,31 @@ def _added_delay(
     if states + min(least, min(starts)) > LOOKED_AT:
         return turned * dt
 
+    @cache  # the ends of a bracket are asked for twice
     def excess(samples: float) -> float:
         return ClosedLoop(controller, later(samples)).spectral_radius - 1
 
     if excess(0.0) >= 0:  # another part of the loop is unstable already
         return turned * dt
-    end = max(starts) + 2 if least == inf else least
-    bracket = first_unstable(excess, _tried(held, end))
+    tried = _tried(held, max(starts) + 2 if least == inf else least)
+    bracket = first_unstable(excess, tried if least == inf else tried[:-1])
     if bracket is None:
         return least * dt
     return float(brentq(excess, *bracket, xtol=1e-12)) * dt
 
 
 def _tried(held: HeldProcess, end: float) -> FloatArray:
-    """Choose added dead times in samples, from 0 to below `end`, at which the loop is looked at.
+    """Choose added dead times in samples, from 0 to `end`, at which the loop is looked at.
 
     What answers at once jumps from sample to sample, so that 1 + L = 0 need not have a solution
     where the loop becomes unstable, and it may soon be stable again: each sample counts then.
     """
     fastest = np.abs(np.linalg.eigvals(held.A)).max(initial=0.0)
     if not held.D and fastest * held.dt < AT_ONCE:
-        return np.linspace(0, end, DEAD_TIMES)[:-1]
+        return np.linspace(0, end, DEAD_TIMES)
     jumps = np.arange(1, end + 2) - held.fraction
     tried = np.add.outer(jumps, BETWEEN).ravel()
-    return np.append(0.0, tried[(tried > 0) & (tried < end)])
+    return np.concatenate([[0.0], tried[(tried > 0) & (tried < end)], [end]])
 
 
 def _response(held: HeldProcess, omega: float) -> complex:

@@ -74,8 +74,9 @@ def lasts_as_long_as_it_says(case: Case) -> bool:
     margin = sampled.margins().delay_margin
     if sampled.process.memory + margin / case.dt > 60:
         return True
-    jumps = (np.arange(1, 7) - sampled.process.fraction) * case.dt
-    tried = np.union1d(margin * np.array([0.1, 0.35, 0.6, 0.85, 0.999]), [*jumps, *jumps - 1e-4])
+    jumps = np.arange(1, 7) - sampled.process.fraction
+    beside = case.dt * np.append(jumps, jumps - 1e-4)
+    tried = np.union1d(margin * np.array([0.1, 0.35, 0.6, 0.85, 0.999]), beside)
 
     def radius(added: float) -> float:
         late = case._replace(computation_delay=case.computation_delay + added)
