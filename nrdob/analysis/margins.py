@@ -8,8 +8,9 @@ at too: a loop may become unstable there as well as in between.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
+from functools import cached_property, partial
 from math import acos, asin, degrees, inf, isfinite, log10, nan, pi
 from typing import Any, NamedTuple
 
@@ -59,8 +60,6 @@ class Margins:
         Frequencies of gm, pm and sm in rad/s; nan where there is none.
     gm_low, gm_high : float
         The loop stays stable for every gain factor strictly between them.
-    delay_margin : float
-        Smallest extra dead time at which the loop becomes unstable, in seconds.
     disk_margin : float
         Symmetric disk margin :math:`\alpha = \min 2|1 + L|/|1 - L|`: the loop stays stable
         with every complex factor in the disk on the diameter from (2 - α)/(2 + α) to its inverse.
@@ -74,6 +73,8 @@ class Margins:
         By how many degrees, from -180 to 180, a rotation of L brings it to -1 at each of the
         `gain_crossovers`, and which factor of the gain does at each of the `phase_crossovers`.
     name : str
+    late : callable
+        Finds the delay margin, once it is asked for: of a sampled loop that takes longest.
     """
 
     gm: float
@@ -84,7 +85,6 @@ class Margins:
     wms: float
     gm_low: float
     gm_high: float
-    delay_margin: float
     disk_margin: float
     stable: bool | None
     name: str
@@ -92,9 +92,15 @@ class Margins:
     phase_crossovers: FloatArray = field(repr=False)
     rotations: FloatArray = field(repr=False)
     critical_gains: FloatArray = field(repr=False)
+    late: Callable[[], float] = field(repr=False, compare=False)
 
     def __iter__(self) -> Iterator[float]:
         return iter((self.gm, self.pm, self.sm, self.wpc, self.wgc, self.wms))
+
+    @cached_property
+    def delay_margin(self) -> float:
+        """Smallest extra dead time at which the loop becomes unstable, in seconds."""
+        return self.late() if self.stable else nan
 
     @property
     def gm_db(self) -> float:
@@ -328,20 +334,18 @@ def margins_at(found: Notable, ends: Ends, stable: bool | None, name: str) -> Ma
     """
     gains, phase = _critical_gains(found.phase, ends)
     omega, angle = found.gain.omega, np.angle(-found.gain.L)
-    listed = omega, phase, -np.degrees(angle), gains
+    listed = omega, phase, -np.degrees(angle), gains, partial(_delay_margin, omega, angle, ends)
     if not stable:
-        unknown = (nan, nan, nan, nan, nan, nan, nan, nan, nan, nan)
+        unknown = (nan, nan, nan, nan, nan, nan, nan, nan, nan)
         return Margins(*unknown, stable, name, *listed)
     gm_low = float(gains[gains < 1].max(initial=0.0))
     gm_high = float(gains[gains > 1].min(initial=inf))
     gm = gm_low if gm_low * gm_high > 1 else gm_high
     wpc = float(phase[gains == gm][0]) if 0 < gm < inf else nan
-    pm, wgc, delay_margin = _rotations(omega, angle, ends)
+    pm, wgc = _rotations(omega, angle, ends)
     sm, wms = _closest(found.nearest, ends)
     disk = _disk_margin(found.disk, ends)
-    return Margins(
-        gm, pm, sm, wpc, wgc, wms, gm_low, gm_high, delay_margin, disk, True, name, *listed
-    )
+    return Margins(gm, pm, sm, wpc, wgc, wms, gm_low, gm_high, disk, True, name, *listed)
 
 
 def _circle_at_infinity(loop: Quotient) -> tuple[float, float]:
@@ -384,17 +388,20 @@ def _critical_gains(phase: Found, ends: Ends) -> tuple[FloatArray, FloatArray]:
     return -1 / values[negative], omega[negative]
 
 
-def _rotations(omega: FloatArray, angle: FloatArray, ends: Ends) -> tuple[float, float, float]:
-    """Phase margin in degrees, its frequency, and the delay margin."""
+def _delay_margin(omega: FloatArray, angle: FloatArray, ends: Ends) -> float:
+    """Dead time that turns L to -1 at a gain crossover, or at once where it does not fall off."""
     endless = ends.last == inf and abs(ends.undelayed) + abs(ends.delayed) >= 1
-    delay_margin = 0.0 if endless else inf
-    delay_margin = float((np.mod(angle, 2 * np.pi) / omega).min(initial=delay_margin))
+    return float((np.mod(angle, 2 * pi) / omega).min(initial=0.0 if endless else inf))
+
+
+def _rotations(omega: FloatArray, angle: FloatArray, ends: Ends) -> tuple[float, float]:
+    """Phase margin in degrees, and its frequency."""
     angles = [*np.abs(angle).tolist(), *ends.angles]
     smallest = min(angles)
     if smallest == inf:
-        return inf, nan, delay_margin
+        return inf, nan
     at = [*omega.tolist(), 0.0, ends.last][angles.index(smallest)]
-    return degrees(smallest), at, delay_margin
+    return degrees(smallest), at
 
 
 def _closest(nearest: Found, ends: Ends) -> tuple[float, float]:

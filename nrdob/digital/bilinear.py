@@ -297,12 +297,12 @@ def _in_v(given: _Given, bits: int) -> Fraction | None:
     largest = max(abs(x) for x in columns[1])
     if largest >> bits + bits // 4:  # det(zI - A) begins with 1: what is small beside it is lost
         return None
-    floor = 1 << (bits // 2)
-    found = [
-        np.array([x / largest if abs(x) * floor > max(map(abs, column)) else 0.0 for x in column])
-        for column in columns
-    ]
-    return Fraction(found[0][::-1], found[1][::-1])
+
+    def kept(column: Whole) -> FloatArray:
+        floor = max(map(abs, column)) >> bits // 2
+        return np.array([x / largest if abs(x) > floor else 0.0 for x in column[::-1]])
+
+    return Fraction(*map(kept, columns))
 
 
 def _scaled(found: Fraction, dt: float) -> Fraction:

@@ -9,7 +9,7 @@ the crossings are bracketed and refined by the same search as in continuous time
 from __future__ import annotations
 
 from dataclasses import replace
-from functools import cache, reduce
+from functools import cache, partial, reduce
 from math import inf, pi
 
 import numpy as np
@@ -78,7 +78,7 @@ def sampled_margins(
     found = margins_at(notable, Ends(first, last, 0.0, pi / dt), stable, "L")
     if not stable or found.delay_margin == inf:
         return found
-    return replace(found, delay_margin=_added_delay(process, controller, locus, found))
+    return replace(found, late=partial(_added_delay, process, controller, locus, found))
 
 
 def _added_delay(

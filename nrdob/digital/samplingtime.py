@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import cache
 from math import inf
 
 import numpy as np
@@ -69,6 +70,7 @@ def largest_sampling_time(
             f"short enough: {verdict.reason}"
         )
 
+    @cache
     def excess(dt: float) -> float:
         try:
             sampled = SampledLoop(loop, dt, method, computation_delay)

@@ -185,8 +185,9 @@ def _fitted(f: QuasiPolynomial, g: QuasiPolynomial, divisor: FloatArray) -> Shar
             step = _least_squares(jacobian, np.concatenate(errors))
             divisor = divisor + np.concatenate([[0.0], step[:m]])
             u, v = u + step[m : m + u.size], v + step[m + u.size :]
-        if not all(_gives_back(p, divisor, c) for p, c in ((f, u), (g, v))):
-            return None
+        else:
+            if not all(_gives_back(p, divisor, c) for p, c in ((f, u), (g, v))):
+                return None
     return Shared(QuasiPolynomial(divisor), QuasiPolynomial(u), QuasiPolynomial(v))
 
 

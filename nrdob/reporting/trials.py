@@ -7,7 +7,7 @@ from contextlib import suppress
 from dataclasses import dataclass
 from math import inf
 
-from ..analysis import Margins
+from ..analysis import quotient_margins
 from ..digital import SampledLoop
 from ..loop import NRDOB
 from ..measured import Identification
@@ -98,8 +98,8 @@ def _outcome(loop: NRDOB | SampledLoop) -> Outcome:
     stable = loop.stability().stable
     if not stable:
         return Outcome(stable)
-    margins = loop.margins()
-    return Outcome(True, margins.ms if isinstance(margins, Margins) else margins.plant_loop.ms)
+    found = loop.margins() if isinstance(loop, SampledLoop) else quotient_margins(loop.L, True)
+    return Outcome(True, found.ms)
 
 
 def in_words(trials: tuple[Trial, ...], slower: bool = True) -> str:

@@ -259,8 +259,10 @@ def test_a_proposal_does_not_rest_on_the_frequency_of_a_resonance(delay):
 @pytest.mark.slow
 def test_a_proposal_is_tried_once_on_each_process(monkeypatch):
     found, judged = slow_record(), []
-    margins = nrdob.NRDOB.margins
-    monkeypatch.setattr(nrdob.NRDOB, "margins", lambda self: judged.append(self) or margins(self))
+    sampled = nrdob.NRDOB.sampled
+    monkeypatch.setattr(
+        nrdob.NRDOB, "sampled", lambda self, dt: judged.append(self) or sampled(self, dt)
+    )
     proposal = propose(found, **MATCHED, time_constant=0.2)
     tried = [loop for loop in judged if loop.filter is proposal.loop.filter]
     assert len(proposal.trials) > 4 and len(tried) == len(proposal.trials)
