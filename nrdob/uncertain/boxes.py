@@ -20,7 +20,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..analysis import Locus, resolved_frequencies
+from ..analysis import Locus, quotient_margins, resolved_frequencies
 from ..diagram import DelayedTransferFunction, Quotient, real_number
 from ..loop import NRDOB
 from ..numerics import BoolArray, ComplexArray, FloatArray, QuasiPolynomial, bisect, golden, side
@@ -103,7 +103,7 @@ Critical = tuple[FloatArray, FloatArray]
 def _critical_gains(loop: NRDOB, span: Interval) -> Critical:
     # With the largest gain all frequencies count at which a smaller one is critical.
     largest = span.high if span.high < inf else _all_but_small(loop)
-    found = _with(loop, gain=largest).margins().plant_loop
+    found = quotient_margins(_with(loop, gain=largest).L, None)
     finite = np.isfinite(found.critical_gains)
     return largest * found.critical_gains[finite], found.phase_crossovers[finite]
 
@@ -159,7 +159,7 @@ def _critical_delays(loop: NRDOB, span: Interval) -> Critical:
     At a gain crossover a pair goes right where the gain falls, and left where it rises: there are
     at least as many on the right as turns on balance, and those of the last crossover are fastest.
     """
-    omega = loop.margins().plant_loop.gain_crossovers
+    omega = quotient_margins(loop.L, None).gain_crossovers
     omega = omega[(omega > 0) & np.isfinite(omega)]
     first = np.mod(np.angle(-loop.L(1j * omega)), 2 * pi) / omega
     turn = 2 * pi / omega

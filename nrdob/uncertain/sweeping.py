@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import binomtest
 
+from ..analysis import quotient_margins
 from ..diagram import undelayed
 from ..loop import NRDOB
 from .batch import Feedback
@@ -110,7 +111,7 @@ def _judge_block(
             stable[k], decided[k] = verdict.stable is True, verdict.stable is not None
             reason[k] = "" if decided[k] else verdict.reason
             if peaks and verdict:
-                ms[k] = member.margins().plant_loop.ms
+                ms[k] = quotient_margins(member.L, True).ms
         except (ArithmeticError, TypeError, ValueError) as error:
             reason[k] = str(error)
     columns = {**drawn, "stable": stable, "decided": decided, "alone": alone, "reason": reason}
