@@ -133,11 +133,12 @@ def candidates(
         found["Smith predictor"] = observer(NRDOB, delayed)
     found["PI"] = timed("τc", partial(simc_pi, process))
     found["PID"] = timed("τc", partial(simc_pid, process))
-    C = as_fraction(controller, "controller")
-    found["C alone"] = Scheme(
-        "gain of C", "", lambda x: controller_alone(process, model, (x * C.num, C.den)),
-        BEYOND, 1 / BEYOND, band,
-    )  # fmt: skip
+    C, Gm = as_fraction(controller, "controller"), probe.fractions.Gm
+
+    def alone(x: float) -> NRDOB:  # the model, which says nothing of this loop, stays stable
+        return controller_alone(process, (Gm.num / x, Gm.den), (x * C.num, C.den))
+
+    found["C alone"] = Scheme("gain of C", "", alone, BEYOND, 1 / BEYOND, band)
     found["ADRC"] = Scheme(
         "ωo", "rad/s", lambda x: linear_adrc(process, m, b0, x, x / RATIO), fastest, slowest, band
     )

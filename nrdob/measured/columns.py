@@ -34,7 +34,10 @@ LIKELY = {
         "q", "heater", "valve", "dac", "pwm", "duty", "esc", "voltage", "effort", "command", "co",
         "op", "cv",
     ),
-    "y": ("t", "temp", "temperature", "level", "flow", "pressure", "adc", "angle", "speed", "rpm"),
+    "y": (
+        "t", "temp", "temperature", "level", "flow", "pressure", "adc", "angle", "speed", "rpm",
+        "velocity", "position", "feedback", "measured", "actual",
+    ),
 }  # fmt: skip
 """Words in headings of which the example in a question is made; nothing is taken for them."""
 

@@ -28,6 +28,8 @@ FEEDBACK, NEVER = 0.3, 1e-6
 LEVELS = 12  # limits of the actuator that are tried
 # Misfit with a limit, against that without and against y itself, that tells of one.
 CLIPPED, EXPLAINED = 0.7, 0.1
+# Deviations by which the response's square counts, and by how much the gain then changes over y.
+CURVED, GROWN = 4.4, 1.25
 
 
 def doubts(
@@ -47,7 +49,7 @@ def doubts(
     return (
         *_worth(*worth, open_gain),
         *_closed_loop(record, residual, fit),
-        *_limited(record, fit),
+        *(tuple(_limited(record, fit)) or _curved(record, residual, fit)),
         *_short(record, parameters),
         *_outliers(record, residual, fit.start),
         *_drift(record, residual, fit),
@@ -190,6 +192,33 @@ def _fresh(moves: FloatArray) -> FloatArray | None:
         return None
     fresh = np.clip(fresh, low, high)
     return np.asarray(fresh - fresh.mean())
+
+
+def _curved(record: Record, residual: FloatArray, fit: Fit) -> Iterator[str]:
+    """See whether the square of the response explains what no other numbers of the fit would.
+
+    A linear plant answers as much at high outputs as at low ones (Ramsey, J. Royal Statistical
+    Society B 31, 1969, 350-371). An integrator has no level to which its answers belong.
+    """
+    if fit.structure.integrates:
+        return
+    inputs = record.inputs / np.ptp(np.append(record.inputs, 0.0))
+    response = fit.response(inputs)
+    level = response - response.mean()
+    whitening = fit.whitening if fit.whitening.theta < 1 else whitening_of(residual)
+    rest = residual / np.ptp(record.y[record.free])
+    columns = whitening.applied(np.column_stack([fit.jacobian(inputs), level**2, rest]))
+    corner = np.asarray(np.linalg.qr(columns[record.free[fit.start :]], mode="r"))[-2:, -2:]
+    left = abs(corner[1, 1]) / np.sqrt(max(len(columns) - columns.shape[1], 1))
+    if abs(corner[0, 1]) <= CURVED * left or not corner[0, 0]:
+        return
+    low, high = 1 + 2 * corner[0, 1] / corner[0, 0] * np.quantile(level, [0.05, 0.95])
+    if max(low, high) > GROWN * max(min(low, high), 0.0):
+        yield (
+            "what is left follows the square of the response: the plant answers otherwise at high "
+            "values of the output than at low ones, it is not linear, and the intervals do not "
+            "cover that; make smaller steps about the point at which it is to run"
+        )
 
 
 def _limited(record: Record, fit: Fit) -> Iterator[str]:

@@ -142,8 +142,8 @@ class Identification:
 
 def identify(
     t: Any,
-    u: Any,
-    y: Any,
+    u: Any = None,
+    y: Any = None,
     *,
     structure: str | None = None,
     held_out: float = 0.5,
@@ -167,17 +167,18 @@ def identify(
 
     Parameters
     ----------
-    t : (N,) array_like
-        Evenly spaced times, in seconds.
+    t : (N,) array_like or Record
+        Evenly spaced times, in seconds; or what `read_data` has read, with all that it noticed.
     u, y : (N,) array_like
-        Input, held from each sample to the next, and output.
+        Input, held from each sample to the next, and output; not beside a record.
     structure : str, optional
         One of `nrdob.measured.STRUCTURES` by name; by default it is chosen.
     held_out : float
         Share of the record, at its end, on which the process is tried before all of it is fitted;
         0 for none. None is held out, too, where the input does not move enough in both parts.
     input_before : float, optional
-        Input before the record, under which the plant was at rest.
+        Input before the record, under which the plant was at rest; of a record `read_data` takes
+        it.
 
     Returns
     -------
@@ -204,7 +205,14 @@ def identify(
     >>> [round(p.value, 4) for p in found.parameters.values()]
     [1.5, 2.0, 0.3]
     """
-    record = checked_record(t, u, y, input_before=input_before)
+    if not isinstance(t, Record):
+        t = checked_record(t, u, y, input_before=input_before)
+    elif not (u is None and y is None and input_before is None):
+        raise TypeError(
+            "a record holds u, y and what the input was before it: give identify the record alone, "
+            "and input_before to read_data"
+        )
+    record = t
     if not 0 <= real_number(held_out, "held_out", "give a number, such as 0.5") < 0.9:
         raise ValueError(f"held_out is {held_out}; it must be between 0 and 0.9")
     for remark in record.remarks:

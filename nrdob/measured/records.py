@@ -25,6 +25,7 @@ RESTS, CLOSE, QUIET = 15, 0.02, 0.25
 SPIKE = 8.0  # largest other steps of y that a few samples that are none are away
 MOST_SPIKES, LASTING = 50, 10  # how many there may be, and samples that each may last
 PULSE = 4  # samples before the last one in which the input may explain it
+IMPOSSIBLE, MIDDLE = 10.0, 0.02  # times as far as all but 2 % on either side that u may reach
 BEFORE = "give what the input was before (input_before=0; in the shell --input-before 0)"
 # Times as often as y that u may change, and times as many values that it may take, if y takes few.
 SWAPPED, FEW = 10, 5
@@ -82,6 +83,7 @@ def checked_record(
     notes: tuple[str, ...] = (),
     remarks: tuple[str, ...] = (),
     input_before: float | None = None,
+    numbers: Any = None,
 ) -> Record:
     """Make a record of three lists of numbers, or say what is wrong with them.
 
@@ -96,6 +98,8 @@ def checked_record(
         What was done and noticed before.
     input_before : float, optional
         What u was before the record, with the plant at rest: what a first sample steps from.
+    numbers : (N,) array_like of int, optional
+        Which samples they are, from 0 on, where some are known to be missing.
 
     Raises
     ------
@@ -124,7 +128,7 @@ def checked_record(
         notes = (*notes, f"before it u is {input_before:g}, as you say, and the plant at rest")
     moves = inputs if input_before is None else np.append(input_before, inputs)
     _check_moving(moves, outputs)
-    free, noticed = np.ones(outputs.size, dtype=bool), []
+    free, noticed = np.ones(outputs.size, dtype=bool), _far_inputs(inputs, place)
     if (spikes := _spikes(moves, outputs)).size:
         free[spikes] = False
         more = f", and {spikes.size - 1} more" if spikes.size > 1 else ""
@@ -149,7 +153,11 @@ def checked_record(
             "y rests or jumps between a few values and u moves far more, as if u and y were "
             "swapped: name the columns; if they are right, the sensor is too coarse"
         )
-    even = evenly_sampled(times, inputs, outputs, place)
+    counted = every if numbers is None else np.asarray(numbers)
+    if counted.shape != every.shape or (np.diff(counted) < 1).any():
+        raise ValueError("numbers must tell of each sample which one it is, and grow")
+    counted = counted - counted[0]
+    even = evenly_sampled(times, inputs, outputs, place, counted)
     if np.ptp(even.u[:-1]) == 0 and input_before in (None, even.u[0]):
         raise ValueError(
             "u changes at the last sample only: let the record go on after the step; or, if it "
@@ -161,6 +169,21 @@ def checked_record(
         even.t, even.u, even.y, free & even.measured, (*remarks, *even.remarks, *noticed), name,
         (*notes, *even.notes), input_before,
     )  # fmt: skip
+
+
+def _far_inputs(inputs: FloatArray, place: Callable[[int], str]) -> list[str]:
+    """Find where u is what a controller may have asked for, but hardly what an actuator did."""
+    aside = int(MIDDLE * inputs.size) + 1
+    low, high = np.sort(inputs)[[aside, -1 - aside]].tolist()
+    far = np.flatnonzero(np.abs(inputs - (low + high) / 2) > (IMPOSSIBLE + 0.5) * (high - low))
+    if high == low or not far.size:
+        return []
+    more = f", and in {far.size - 1} more samples as far away" if far.size > 1 else ""
+    return [
+        f"u is {inputs[far[0]]:g} at {place(int(far[0]))}{more}, while otherwise it moves "
+        f"between {low:g} and {high:g}: if the actuator cannot do that, cut u off at its limits or "
+        "correct these samples, for they decide about the fit"
+    ]
 
 
 def look_swapped(u: FloatArray, y: FloatArray) -> bool:

@@ -46,33 +46,36 @@ class Sampled:
 
 
 def evenly_sampled(
-    t: FloatArray, u: FloatArray, y: FloatArray, place: Callable[[int], str]
+    t: FloatArray, u: FloatArray, y: FloatArray, place: Callable[[int], str], number: IntArray
 ) -> Sampled:
     """Bring a record to even times, or say where these would hide something, as `place` calls it.
+
+    Number says which samples they are, from 0 on, as far as it is known that others are missing.
 
     Times within 5 % of a sampling time of an even grid are left as they are. Times that were
     rounded are taken as even. Where a few rows are missing, y is interpolated (and not used) and u
     held. Other times are resampled: y along straight lines, u averaged over each interval.
 
     >>> t = np.delete(np.arange(200.0), 7)
-    >>> even = evenly_sampled(t, t > 20, t, "sample {}".format)
+    >>> even = evenly_sampled(t, t > 20, t, "sample {}".format, np.arange(199))
     >>> even.t.size, even.y[7].item(), even.notes
     (200, 7.0, ('1 of 200 samples is missing: y is interpolated there, and not used',))
     """
     span, count = t[-1] - t[0], t.size
-    if span > 0:
-        line = np.linspace(t[0], t[-1], count)
-        if np.abs(t - line).max() <= EVEN * span / (count - 1):
-            return Sampled(t, u, y, np.ones(count, dtype=bool))
-        step, spacing = _rounding(t)
+    done: list[tuple[str, bool]] = []
+    line = np.linspace(t[0], t[-1], int(number[-1]) + 1)[number]
+    even = bool(np.abs(t - line).max() <= EVEN * span / number[-1])
+    if span > 0 and not even:
+        step, spacing = _rounding(t, number)
         if step:
             said = (
                 f"times are given to {step:g} s only; they are taken as even, one sample every "
                 f"{spacing:.5g} s: a missing row would not be seen, and with a sampling time of "
                 "your own the times are not needed"
             )
-            even = t[0] + spacing * np.arange(count)
-            return Sampled(even, u, y, np.ones(count, dtype=bool), (), (said,))
+            done, t, even = [(said, False)], t[0] + spacing * number, True
+    if span > 0 and even and number[-1] == count - 1:
+        return Sampled(t, u, y, np.ones(count, dtype=bool), (), tuple(said for said, _ in done))
     steps = np.diff(t)
     if (steps <= 0).any():
         k = int(np.argmax(steps <= 0)) + 1
@@ -83,7 +86,9 @@ def evenly_sampled(
     multiples = steps / np.median(steps)
     off = np.abs(multiples - np.round(multiples))
     # As many even times as uneven ones; also where two samples would get one place on a grid.
-    if np.mean(off > JITTER) > MISSING or multiples.min() < 0.5:
+    if even:
+        index, small, apart = number, True, ""
+    elif np.mean(off > JITTER) > MISSING or multiples.min() < 0.5:
         index, small = np.arange(count), False
         apart = f"the times lie between {steps.min():.4g} and {steps.max():.4g} s apart"
         if steps.max() > max(LONG * span / (count - 1), GAP * span):
@@ -95,8 +100,8 @@ def evenly_sampled(
         index = np.concatenate([[0], np.cumsum(np.round(multiples).astype(int))])
         small = float(off.max()) <= 2 * EVEN
         apart = f"intervals between the times differ by up to {100 * off.max():.2g} %"
-    spacing = float(span / index[-1])
-    done = _gaps(index, t, u, place)
+    spacing = float((t[-1] - t[0]) / index[-1])
+    done += _gaps(index, t, u, place)
     size = int(index[-1]) + 1
     measured = np.zeros(size, dtype=bool)
     measured[index] = True
@@ -112,7 +117,7 @@ def evenly_sampled(
     return Sampled(grid, held, np.interp(grid, t, y), measured, notes, remarks)
 
 
-def _rounding(t: FloatArray) -> tuple[float, float]:
+def _rounding(t: FloatArray, number: IntArray) -> tuple[float, float]:
     """Find the step to which even times were rounded (0 if they were not), and their spacing."""
     elapsed = t - t[0]
     for step in (3600.0, 60.0, *(10.0**-k for k in range(7))):
@@ -121,11 +126,10 @@ def _rounding(t: FloatArray) -> tuple[float, float]:
             break
     else:
         return 0.0, 0.0
-    number = np.arange(t.size)
     line = np.polyfit(number, elapsed, 1)
     spacing = float(line[0])
     rest = elapsed - np.polyval(line, number)
-    steps = np.diff(elapsed)
+    steps = np.diff(elapsed)[np.diff(number) == 1]
     irregular = np.count_nonzero(np.abs(steps - np.median(steps)) > 0.5 * step)
     rounded = np.ptp(rest) <= 1.05 * step and EVEN * spacing < step <= COARSE * spacing
     return (step if rounded and irregular >= IRREGULAR else 0.0), spacing

@@ -147,7 +147,7 @@ def read_data(
     try:
         return checked_record(
             times, u, y, name=path.name, place=lambda k: f"line {sheet.lines[k]}", notes=notes,
-            remarks=remarks, input_before=input_before,
+            remarks=remarks, input_before=input_before, numbers=samples,
         )  # fmt: skip
     except ValueError as error:
         raise ValueError("; ".join([str(error), *remarks])) from None

@@ -15,7 +15,7 @@ from collections.abc import Callable
 from dataclasses import replace
 from functools import partial, reduce
 from itertools import product
-from math import inf, isfinite, nan, pi
+from math import atan, ceil, hypot, inf, isfinite, nan, pi, tan
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -35,6 +35,7 @@ HALVINGS = 60  # how often shares are halved
 PER_STRETCH, NEAR = 16, 1.5  # frequencies of a stretch; shares, against the least, looked into
 TOUCHING = 1e-6  # slope, against its size, with which roots touch the axis and cross or not
 MET = 1e-9  # distance of a gain from 1 at which it is 1, within rounding
+QUARTER = pi / 2 * (1 - 1e-12)  # the most by which a lag turns, within rounding
 
 
 class Box(NamedTuple):
@@ -426,9 +427,9 @@ def _holds(
     )
 
 
-def _lag_of(size: FloatArray, omega: FloatArray) -> FloatArray:
+def _lag_of(size: Any, omega: Any) -> FloatArray:
     """T with |1 + jωT| = size, 0 where there is none."""
-    return np.sqrt(np.maximum(size**2 - 1, 0.0)) / omega
+    return np.asarray(np.sqrt(np.maximum(size**2 - 1, 0.0)) / omega)
 
 
 def _scaled(side: Interval, name: str, share: Any) -> tuple[Any, Any]:
@@ -444,15 +445,15 @@ def _critical_plant(
     if not omega:
         return {"gain": k2, "delay": 0.0, "lag": 0.0}
     size, turn = float(np.abs(L)), 2 * pi / omega
-    candidates = np.linspace(T1, T2, 20_001) if T2 > T1 else np.array([T1])
-    gains = np.clip(np.hypot(1.0, omega * candidates) / size, k1, k2)
-    delays = (float(np.angle(-L)) - np.arctan(omega * candidates)) / omega
-    delays += turn * np.ceil((t1 - delays) / turn - MET)
-    delays = np.clip(delays, t1, t2)
-    # What is left over where all three stay in the box.
-    plant = gains * L * np.exp(-1j * omega * delays) + 1 + 1j * omega * candidates
-    k = int(np.abs(plant).argmin())
-    return {"gain": float(gains[k]), "delay": float(delays[k]), "lag": float(candidates[k])}
+    lag = min(max(T1, float(_lag_of(k1 * size, omega))), T2)
+    # The longest of all delays that turn L to -1, unless a longer lag must take a part of it.
+    whole = float(np.angle(-L)) / omega
+    whole += turn * ceil((t1 - whole + atan(omega * lag) / omega) / turn - MET)
+    delay = whole - atan(omega * lag) / omega
+    if delay > t2:
+        delay, lag = t2, min(max(lag, tan(min(omega * (whole - t2), QUARTER)) / omega), T2)
+    gain = hypot(1.0, omega * lag) / size
+    return {"gain": min(max(gain, k1), k2), "delay": max(delay, t1), "lag": lag}
 
 
 def _with(loop: NRDOB, *, gain: float = 1.0, delay: float = 0.0) -> NRDOB:

@@ -33,6 +33,7 @@ from ..numerics import ROUNDING, FloatArray, add, hurwitz
 __all__ = ["IntervalShares", "interval_plants", "largest_share"]
 
 HALVINGS = 50  # how often shares are halved
+REAL = 0.01  # imaginary part, against the real one, up to which a root of few digits may be real
 
 Ends = tuple[FloatArray, FloatArray]
 Corner = tuple[int, int]
@@ -159,23 +160,19 @@ def _all_left(polynomials: Mapping[Any, FloatArray]) -> bool:
 
 def _stays(start: FloatArray, end: FloatArray) -> bool:
     """Whether all between a stable polynomial and another one are stable, too."""
-    step = end - start
-    if not step.any():
-        return True
     if start[0] * end[0] <= 0 or start[-1] * end[-1] <= 0:
         return False
     k = np.arange(start.size)[::-1]
+    # In the unit of frequency in which the first coefficient is as large as the last.
+    unit = (start[-1] / start[0]) ** (1 / max(start.size - 1, 1))
+    start, step = (p * unit**k / start[-1] for p in (start, end - start))
     at, by = (c * 1j**k for c in (start, step))  # polynomials in ω
-    meet = np.imag(np.convolve(at, by.conj()))
-    used = np.flatnonzero(np.abs(meet) > ROUNDING * np.abs(meet).max(initial=0.0))
-    if not used.size:
-        return True
-    roots = np.roots(meet[used[0] :])
+    roots = np.roots(np.imag(np.convolve(at, by.conj())))
     omega = roots.real[(np.abs(roots.imag) <= 1e-6 * np.abs(roots)) & (roots.real > 0)]
-    value, moved = np.polyval(start, 1j * omega), np.polyval(step, 1j * omega)
     with np.errstate(all="ignore"):
-        t = -(value / moved).real
-    return not np.any((t >= 0) & (t <= 1) & (moved != 0))
+        t = -np.polyval(start, 1j * omega) / np.polyval(step, 1j * omega)
+        crossed = (t.real >= 0) & (t.real <= 1) & (np.abs(t.imag) <= REAL * (1 + np.abs(t.real)))
+    return not crossed.any()
 
 
 def largest_share(stable: Callable[[float], bool]) -> float:

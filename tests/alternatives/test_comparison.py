@@ -195,6 +195,17 @@ def test_a_loop_that_is_all_but_unstable_is_no_error():
     assert row.stable and row.reason.startswith("stable, but ")
 
 
+def test_c_alone_is_held_back_by_the_process_and_not_by_the_model():
+    process = ct.tf([1.257, 2.864], [0.3166, 2.012, 2.685, 1])
+    model, C = ct.tf([2.864], [0.3166, 2.012, 2.685, 1]), ct.tf([0.99, 0.686], [1, 0])
+    found = tune(candidates(process, model, C, 3)["C alone"], max_ms=1.894)
+    assert not (1 / (1 + found.value * C * model)).poles().real.max() < 0
+    L = found.value * C * process
+    seen = np.abs(1 / (1 + L(1j * np.geomspace(0.01, 100, 20_000)))).max()
+    assert seen == pytest.approx(1.894, rel=1e-4)
+    assert (1 / (1 + L)).poles().real.max() < 0
+
+
 def test_only_loops_and_candidates_are_compared():
     with pytest.raises(TypeError, match="candidates must be a dict of names to NRDOB loops"):
         nrdob.compare(1 / (s + 1), {"PI": ct.tf([1], [1, 0])}, max_ms=2.0)

@@ -443,6 +443,27 @@ def test_a_sensor_that_fails_for_some_samples_is_told_and_does_not_pull(lasting,
     assert gain.low < 2 < gain.high and slow.low < 15 < slow.high
 
 
+@pytest.mark.slow
+@pytest.mark.parametrize("power", [0.5, 1.0, 2.0])
+def test_a_plant_that_is_not_linear_is_told(power):
+    u = np.repeat(np.random.default_rng(4).uniform(0.2, 1, 40), 15)
+    t, _, y = lag(u, noise=0.0)
+    y = y[0] + np.abs(y / 2) ** power + 0.01 * np.random.default_rng(5).standard_normal(u.size)
+    remarks = told(t, u, y)
+    assert any("the square of the response" in said for said in remarks) is (power != 1)
+    assert power != 1 or not remarks
+
+
+@pytest.mark.parametrize("place", [0, 200])
+def test_an_input_that_no_actuator_follows_is_told(place):
+    t, u, y = lag(switched())
+    asked = u.copy()
+    asked[place] = -185060.0
+    (said,) = checked_record(t, asked, y).remarks
+    assert f"u is -185060 at sample {place}, while otherwise it moves between -1 and 1" in said
+    assert not checked_record(t, u, y).remarks and not checked_record(t, 1e6 * u, y).remarks
+
+
 def test_a_lag_far_shorter_than_a_sample_asks_for_faster_ones():
     t, rng = np.arange(300.0), np.random.default_rng(0)
     u = (t > 100) * 1.0

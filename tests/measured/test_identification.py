@@ -288,6 +288,26 @@ def test_no_time_column_but_a_sampling_time(tmp_path):
             read_data(path, sampling_time=wrong)
 
 
+def test_a_record_is_identified_with_all_that_was_noticed_in_reading_it(tmp_path):
+    _, u, y = heated_air()
+    rows = [(k, u[k], "" if k % 50 == 25 else y[k]) for k in range(300)]
+    record = read_data(_written(tmp_path, "t,u,y", rows))
+    with pytest.warns(UserWarning) as warned:
+        found = identify(record, structure="one lag with dead time")
+    assert found.record is record and record.t.tolist() == list(range(300))
+    assert np.flatnonzero(~record.free).tolist() == [*range(25, 300, 50)]
+    assert "6 of 300 samples are missing" in str(warned[0].message)
+    again = read_data(_written(tmp_path, "u,y", [row[1:] for row in rows]), sampling_time=1.0)
+    assert all(np.array_equal(*each) for each in zip(again, record, strict=True))
+    halves = [(k // 2, *row[1:]) for k, row in enumerate(rows)]
+    coarse = read_data(_written(tmp_path, "t,u,y", halves))
+    assert coarse.t == pytest.approx(np.arange(300) / 2, rel=0.01)
+    assert np.array_equal(coarse.free, record.free)
+    for beside in ({"u": u}, {"y": y}, {"input_before": 0}):
+        with pytest.raises(TypeError, match="a record holds u, y and what the input was before"):
+            identify(record, **beside)
+
+
 def test_files_that_are_no_text_are_named(tmp_path):
     path = tmp_path / "data.xlsx"
     path.write_bytes(b"PK\x03\x04\n\xff\xfe")

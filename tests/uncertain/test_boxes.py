@@ -137,7 +137,18 @@ def test_the_plant_that_is_named_waits_as_many_turns_as_the_box_allows():
     )
     box = nrdob.largest_box(loop, gain=(0.2152, 3.528), delay=(0.0, 9.72), lag=(0.0, 6.83))
     s, (gain, delay, lag) = 1j * box.frequency, box.critical.values()
-    assert abs(1 + gain * loop.L(s) * np.exp(-s * delay) / (1 + s * lag)) < 1e-3
+    assert abs(1 + gain * loop.L(s) * np.exp(-s * delay) / (1 + s * lag)) < 1e-6
+
+
+@pytest.mark.parametrize("longest", [1.0, 1e2, 1e4, 1e6])
+def test_the_plant_that_is_named_is_at_the_limit_however_long_lags_may_be(longest):
+    process = ct.tf([4.95, 0.635, 0.161], [1, 2.24, 1.15, 0.0967])
+    model = ct.tf([6.0, 0.769, 0.196], [1, 1.89, 0.819, 0.0578])
+    loop = nrdob.NRDOB(process, model, ct.tf([0.1, 0.1], [1, 0]), LowPassFilter(0.0728, 1))
+    box = nrdob.largest_box(loop, gain=(0.77, 3.12), delay=(0.0, 0.248), lag=(0.0, longest))
+    s, (gain, delay, lag) = 1j * box.frequency, box.critical.values()
+    assert box.share == pytest.approx(0.2594, abs=2e-3) and 0.1 < lag < 0.2
+    assert abs(1 + gain * loop.L(s) * np.exp(-s * delay) / (1 + s * lag)) < 1e-6
 
 
 def test_a_dead_time_alone_is_lost_at_the_frequency_that_is_named():

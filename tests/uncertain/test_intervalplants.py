@@ -51,6 +51,30 @@ def test_one_uncertain_gain_survives_up_to_the_bound_of_a_pure_gain_error():
     assert shares.kharitonov < shares.exact
 
 
+@pytest.mark.parametrize("unit", [1.0, 1e-2, 1e-3, 1e-6, 1e6])
+def test_the_unit_of_time_changes_no_share(unit):
+    def written(*coefficients):
+        return np.array(coefficients) * unit ** np.arange(len(coefficients) - 1, -1, -1.0)
+
+    num, den = written(7.02, 25.2), written(1, 4.89, 27.6)
+    model = ct.tf(written(4.94, 17.7), written(1, 5.54, 35.4))
+    C = ct.tf(written(0.1, 0.1), written(1, 0))
+    loop = nrdob.NRDOB(ct.tf(num, den), model, C, LowPassFilter(4.64 * unit, 1))
+    boxes = [
+        [(c * low, c * high) for c, (low, high) in zip(p, factors, strict=True)]
+        for p, factors in (
+            (num, [(0.06, 1.5), (0.15, 1.48)]),
+            (den, [(0.0, 2.4), (0.0, 2.13), (0.33, 2.48)]),
+        )
+    ]
+    shares = interval_plants(loop, *boxes)
+    assert shares.kharitonov == pytest.approx(0.2823, abs=1e-4)
+    assert shares.exact == pytest.approx(0.70618, abs=1e-4)
+    rng = np.random.default_rng(1)
+    assert sampled(loop, *boxes, 0.999 * shares.exact, rng, 4000) == 1
+    assert sampled(loop, *boxes, 1.1 * shares.exact, rng, 4000) < 1
+
+
 def test_what_the_theorems_do_not_hold_for_is_refused():
     loop = paper.example(3)
     for given, said in (
