@@ -292,7 +292,7 @@ def test_a_record_is_identified_with_all_that_was_noticed_in_reading_it(tmp_path
     _, u, y = heated_air()
     rows = [(k, u[k], "" if k % 50 == 25 else y[k]) for k in range(300)]
     record = read_data(_written(tmp_path, "t,u,y", rows))
-    with pytest.warns(UserWarning) as warned:
+    with pytest.warns(UserWarning, match=r"samples are missing|u changes while") as warned:
         found = identify(record, structure="one lag with dead time")
     assert found.record is record and record.t.tolist() == list(range(300))
     assert np.flatnonzero(~record.free).tolist() == [*range(25, 300, 50)]
