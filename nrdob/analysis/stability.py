@@ -123,7 +123,8 @@ class Stability:
         """Prove the counts of roots, for a checker that shares no code with this package.
 
         Of a sampled loop the blocks are in the plane of w = (2/dt) (z - 1)/(z + 1), the process
-        behind its hold, its samples of dead time and those of the model multiplied out.
+        behind its hold, its samples of dead time and those of the model multiplied out: for some
+        thirty of them that takes minutes.
 
         Parameters
         ----------

@@ -1,6 +1,7 @@
 """Loops on a processor against closed forms, brute force, scipy and python-control."""
 
 import math
+import pickle
 import tracemalloc
 from functools import cache
 
@@ -19,6 +20,7 @@ from nrdob.digital import (
     verdict,
 )
 from nrdob.digital.bilinear import held_in_w
+from nrdob.digital.closedloop import ClosedLoop
 from nrdob.digital.hold import held_process
 from nrdob.digital.unitcircle import CircleFunction, Product, TurnCount, count_outside
 from tests.campaigns import sampled as campaign
@@ -403,6 +405,17 @@ def test_margins_are_those_of_python_control_at_a_delay_of_one_sample():
     assert [ours.gm, ours.pm, ours.wpc, ours.wgc] == pytest.approx([gm, pm, wpc, wgc], rel=1e-6)
     grid = np.exp(1j * np.linspace(0.01, math.pi, 20_000))
     assert ours.sm == pytest.approx(np.abs(1 + L(grid)).min(), rel=1e-6)
+
+
+def test_the_delay_margin_is_looked_for_only_where_it_is_asked_for(monkeypatch):
+    found = paper.example(4).sampled(0.02).margins()
+    again = pickle.loads(pickle.dumps(found))
+    assert again.delay_margin == found.delay_margin > 0
+    monkeypatch.setattr(ClosedLoop, "spectral_radius", None)
+    other = paper.example(4).sampled(0.02).margins()
+    assert other.ms == found.ms and other.pm == found.pm
+    with pytest.raises(TypeError):
+        _ = other.delay_margin
 
 
 def test_an_unstable_loop_has_no_margins():
