@@ -219,8 +219,7 @@ class _ObserverMaps:
     @cached_property
     def built(self) -> BuiltFactors:
         """Factors of the blocks F/Gm and (1 - F) Gm as they are built."""
-        _, Gm, F = self._observer_fractions
-        num, den, filter_num = map(QuasiPolynomial, (*Gm, F.num))
+        num, den, filter_num = (self._factors[name] for name in ("Nm", "Dm", "Nf"))
         gz, Nm, Nf = _shared(num, filter_num, keep=self.keep_factors)
         gp, Dm, E = _shared(den, self.one_minus_F, keep=self.keep_factors)
         return BuiltFactors(Nm, Nf, Dm, E, gz, gp)
