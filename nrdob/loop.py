@@ -193,7 +193,7 @@ class NRDOB(LoopEquations):
         signal : {"y", "u"}
             Output or control signal.
         compare : LoopEquations or dict of str: LoopEquations, optional
-            Other loops, drawn dashed and grey.
+            Other loops, three at most, drawn dashed and grey.
         timepts : array_like or float, optional
             Times in seconds, or the last one; by default what there is to see.
         title, axes : str, four matplotlib Axes, optional

@@ -274,7 +274,10 @@ def _relevant(motion: FloatArray, brackets: Brackets, late: BoolArray) -> Bracke
     sizes = motion[SIZE, loop, low], motion[SIZE, loop, high]
     smallest, largest = np.fmin(*sizes), np.fmax(*sizes)
     negative = motion[COSINE, loop, low] < 0, motion[COSINE, loop, high] < 0
-    kept = (row != SIDE) | negative[0] | negative[1]
+    skipped = (
+        high > low + 1
+    )  # over values without a sign: there is the zero, or the minimum, itself
+    kept = (row != SIDE) | negative[0] | negative[1] | skipped
     if late.any():
         # Of a loop gain that a dead time turns for ever the largest small crossing counts.
         certain = np.full(late.size, -np.inf)
@@ -284,7 +287,7 @@ def _relevant(motion: FloatArray, brackets: Brackets, late: BoolArray) -> Bracke
         small = late[loop] & (largest + LEEWAY < np.fmin(floor, certain)[loop])
         kept &= (row != SIDE) | ~small
     towards, known = motion[row, loop, low] < 0, _known(motion)[row - RETREAT, loop]
-    near = towards & (_least(smallest, largest, row == DISK_RETREAT) < known)
+    near = towards & ((_least(smallest, largest, row == DISK_RETREAT) < known) | skipped)
     kept &= (row < RETREAT) | near
     return row[kept], loop[kept], low[kept], high[kept]
 

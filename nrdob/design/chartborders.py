@@ -82,8 +82,9 @@ class ChartLoops:
         for p, point in zip(functions, points, strict=True):
             found = count_rhp(p)
             if found.count is None or p.zeros_at_origin:
+                at = ", ".join(f"{name} = {value:.6g}" for name, value in point.items())
                 raise ArithmeticError(
-                    f"the loop is on the border of stability at {point}: {found.reason or 's = 0'}"
+                    f"the loop is on the border of stability at {at}: {found.reason or 's = 0'}"
                 )
             counts.append(found.count)
         return counts

@@ -17,6 +17,8 @@ from .figure import INK, TALL, Figure, axes_for, colour_of, in_lines, label_of, 
 
 __all__ = ["step_plot"]
 
+STYLES = ("--", ":", "-.")  # of the loops that are compared
+
 
 def step_plot(
     loop: LoopEquations,
@@ -53,6 +55,11 @@ def step_plot(
     for each in (loop, *others.values()):
         if not isinstance(each, LoopEquations):
             raise TypeError(f"a {type(each).__name__} is given where a loop, an NRDOB, is needed")
+    if len(others) > len(STYLES):
+        raise ValueError(
+            f"compare holds {len(others)} loops; more than {len(STYLES)} lines beside one cannot "
+            "be told apart: draw them in several figures"
+        )
     row, facts = "yu".index(signal), []
     panels = axes_for(axes, 4, 1.1 * TALL)
     with styled():
@@ -65,7 +72,7 @@ def step_plot(
             response = step_response(loop, given, times)
             times, values = response.time, response.outputs[row, 0]
             lines[k] = ax.plot(times, values, color=colour_of(given), zorder=3)
-            for style, (label, other) in zip(("--", ":", "-."), others.items(), strict=False):
+            for style, (label, other) in zip(STYLES, others.items(), strict=False):
                 faint = step_response(other, given, times).outputs[row, 0]
                 lines[k] += ax.plot(times, faint, style, color=INK, lw=1.2, label=label, zorder=4)
             name = INPUTS[given].to_y if signal == "y" else f"U_{given}"

@@ -123,6 +123,11 @@ class _Reader:
                 kind, text = self._tokens[self._at]
                 if kind == "end" or (kind == "sign" and text != "("):
                     return value
+                if kind == "number" and self._tokens[self._at - 1][0] in ("s", "number"):
+                    raise ValueError(
+                        f"{text!r} stands right behind {self._tokens[self._at - 1][1]!r}: write a "
+                        "power with ^, as s^2, and a product with *"
+                    )
                 if divided and kind != "exp":
                     raise ValueError(
                         "after a quotient a product needs a sign or brackets: 1/(s+1)/(s+2), or "

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-from math import inf
+from collections.abc import Callable, Iterable
+from math import ceil, floor, inf, log10
 from typing import Any
 
 import numpy as np
@@ -15,7 +15,8 @@ __all__ = ["character", "formula", "intervals", "roots_listed"]
 
 MOST_ROOTS = 12
 # Imaginary part, against the size, that three digits do not show: a multiple root, split.
-FLAT = 1e-4
+FLAT = 5e-4
+AXIS = 1e-9  # real part of a zero, against its size, at which it is on the imaginary axis
 SUPERSCRIPTS = str.maketrans("0123456789", "⁰¹²³⁴⁵⁶⁷⁸⁹")
 
 
@@ -38,12 +39,13 @@ def formula(block: Any) -> str:
     prompt, delay = undelayed(block)
     num, den = as_fraction(prompt, "block", proper=False)
     top, bottom = _polynomial(num), _polynomial(den)
-    text = top if den.size == 1 and den[0] == 1 else f"{_bracketed(top)}/{_bracketed(bottom)}"
+    below = f"({bottom})" if "·" in bottom else _bracketed(bottom)
+    text = top if den.size == 1 and den[0] == 1 else f"{_bracketed(top)}/{below}"
     return f"{text} · e^(−{number(delay, 4)} s)" if delay else text
 
 
 def intervals(found: Iterable[tuple[float, float]]) -> str:
-    """Write intervals of time constants, such as "λ > 0.375 s".
+    """Write intervals of time constants, such as "λ > 0.375 s", rounded inwards.
 
     Parameters
     ----------
@@ -51,19 +53,28 @@ def intervals(found: Iterable[tuple[float, float]]) -> str:
         As `nrdob.stabilizing_time_constants` gives them, in seconds.
     """
     said = (
-        f"{number(low, 4)} s < λ < {number(high, 4)} s" if high < inf
-        else f"λ > {number(low, 4)} s" if low else "every λ > 0"
+        f"{_inwards(low, ceil)} s < λ < {_inwards(high, floor)} s" if high < inf
+        else f"λ > {_inwards(low, ceil)} s" if low else "every λ > 0"
         for low, high in found
     )  # fmt: skip
     return " or ".join(said) or "no λ at all"
 
 
+def _inwards(end: float, to_whole: Callable[[float], int]) -> str:
+    """Write the end of an interval with four digits, none of them outside."""
+    if not end:
+        return number(end, 4)
+    digit = floor(log10(end)) - 3
+    digits = end * 10.0**-digit
+    nearest = round(digits)  # what is off by rounding alone is not moved by a whole digit
+    return number((nearest if abs(digits - nearest) < 1e-6 else to_whole(digits)) * 10.0**digit, 4)
+
+
 def roots_listed(roots: Any) -> str:
     """Write roots, a pair as one, rightmost first."""
-    roots = sorted(map(complex, roots), key=lambda root: -root.real)
-    upper = [root for root in roots if root.imag >= 0]
+    flat = (complex(r.real) if abs(r.imag) <= FLAT * abs(r) else r for r in map(complex, roots))
+    upper = [root for root in sorted(flat, key=lambda root: -root.real) if root.imag >= 0]
     more = len(upper) - MOST_ROOTS
-    upper = [complex(r.real) if abs(r.imag) <= FLAT * abs(r) else r for r in upper]
     said = [written(root, number, pair=True) for root in upper[:MOST_ROOTS]]
     return ", ".join(said) + (f", and {more} more further left" if more > 0 else "") or "none"
 
@@ -91,11 +102,17 @@ def character(process: Any) -> list[str]:
     for p in damped[:3]:
         frequency, ratio = number(abs(p)), number(-p.real / abs(p))
         said.append(f"It resonates at {frequency} rad/s with a damping ratio of {ratio}.")
-    wrong = zeros[zeros.real > 0]
+    on_axis = np.abs(zeros.real) <= AXIS * np.abs(zeros)
+    wrong, still = zeros[(zeros.real > 0) & ~on_axis], zeros[on_axis & (zeros.imag > 0)]
     if wrong.size:
         said.append(
             f"It has zeros in the right half plane, at {roots_listed(wrong)} rad/s, "
             "which no causal and stable block can undo."
+        )
+    if still.size:
+        said.append(
+            f"It has zeros on the imaginary axis, at {roots_listed(still)} rad/s, where the input "
+            "does not reach the output: its inverse would not come to rest."
         )
     if num[-1] == 0:
         said.append("It has a zero at s = 0: at rest the input does not reach the output.")

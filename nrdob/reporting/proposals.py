@@ -20,7 +20,7 @@ from ..diagram import (
 )
 from ..loop import NRDOB
 from ..measured import Identification
-from ..numerics import number
+from ..numerics import is_whole, number
 from .choices import controller_for, filter_at, filter_for, slowest_lag
 from .resonances import CERTAIN, LIGHT, resonance_warnings
 from .trials import Trial, in_words, trials_on
@@ -34,7 +34,7 @@ REASONS = {
     "matched":
         "the process itself, which is stable, has no zero in the right half plane and no dead time",
     "zeros in the right half plane left out":
-        "without the zeros in the right half plane, whose inverse would be unstable",
+        "without the zeros on the imaginary axis or right of it, whose inverse would be unstable",
     "zeros in the right half plane mirrored":
         "with the zeros of the right half plane mirrored, because their inverse would be unstable",
     "unstable poles mirrored": "with the unstable poles mirrored to the left, because the model is "
@@ -104,6 +104,8 @@ def propose(
     TypeError, ValueError
         If a block cannot stand where it is put.
     """
+    if order is not None and not (is_whole(order) and order >= 1):
+        raise ValueError(f"order is {order!r}; give n of the filter, a whole number from 1 on")
     found = process if isinstance(process, Identification) else None
     process = found.process if found else process
     if found and found.unsure:

@@ -241,7 +241,7 @@ def _each_written(
             yield write()
         except EXPECTED as error:
             said = f"This part cannot be written: {error}"
-            yield Section(title, (said,), warnings=(f"{title} {said}.",))
+            yield Section(title, (said,), warnings=(f"{title}: {said}.",))
 
 
 def _identified(record: Record, sections: list[Section]) -> Identification | None:

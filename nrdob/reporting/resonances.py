@@ -41,8 +41,8 @@ def resonance_warnings(loop: NRDOB) -> Iterator[tuple[float, str]]:
     fraction = loop.fractions.G
     for part, name in enumerate(("antiresonance", "resonance")):
         for root in np.roots(fraction[part]):
-            frequency, damping = abs(root), -root.real / abs(root) if root else 1.0
-            if root.imag <= 0 or not 0 < damping < LIGHT:
+            frequency, damping = abs(root), abs(root.real) / abs(root) if root else 1.0
+            if root.imag <= 0 or damping >= LIGHT:
                 continue
             for shift, sign in product(SHIFTS, (-1, 1)):
                 parts = [*fraction]

@@ -62,6 +62,27 @@ def margins_if_stable(loop):
     return quotient_margins(loop.L, verdict.stable)
 
 
+@pytest.mark.parametrize("zeta", [0.3, 0.7, 1.0])
+@pytest.mark.parametrize("k", [0.5, 0.9, -0.5])
+def test_a_nearest_point_exactly_on_a_frequency_that_is_looked_at_is_found(k, zeta):
+    found = nrdob.margins(ct.tf([-2 * k * zeta, 0], [1, 2 * zeta, 1]))  # L(j) = -k
+    assert found.sm == pytest.approx(min(1 - k, 1), rel=1e-9)
+    assert found.disk_margin == pytest.approx(min(2 * (1 - k) / (1 + k), 2), rel=1e-9)
+
+
+@pytest.mark.parametrize(("lam", "extra"), [(0.5, 1), (1, 0.5), (1, 2), (2, 1), (0.25, 2)])
+@pytest.mark.parametrize("lag", [1.0, 1e-3, 60.0])
+def test_a_lag_that_the_model_lacks_has_its_peak_whatever_the_numbers(lag, lam, extra):
+    s = ct.tf("s")
+    G, Gm = 1 / ((lag * s + 1) * (extra * lag * s + 1)), 1 / (lag * s + 1)
+    loop = nrdob.NRDOB(G, Gm, 1.0, LowPassFilter(lam * lag, 1))
+    for part, L in ((loop.margins().observer_loop, loop.FH), (loop.margins().plant_loop, loop.L)):
+        seen = L(1j * np.geomspace(1e-3, 1e3, 200_001) / lag)
+        assert part.sm == pytest.approx(min(np.abs(1 + seen).min(), 1), rel=1e-6)
+        disk = 2 * np.abs((1 + seen) / (1 - seen))
+        assert part.disk_margin == pytest.approx(min(disk.min(), 2), rel=1e-6)
+
+
 @pytest.mark.slow
 @given(loops())
 @settings(max_examples=30)

@@ -484,6 +484,12 @@ def test_a_loop_in_extreme_units_is_drawn(unit: float, which: str) -> None:
         ("plot_bode", {"omega_limits": (1, np.inf)}, ValueError, "0 < low < high"),
         ("plot_step", {"compare": 3}, TypeError, "loops by label"),
         ("plot_step", {"compare": {"a": 3}}, TypeError, "an NRDOB"),
+        (
+            "plot_step",
+            {"compare": dict.fromkeys("abcd", paper.example(1))},
+            ValueError,
+            "compare holds 4 loops",
+        ),
     ],
 )
 def test_what_cannot_be_drawn_is_named_with_the_remedy(

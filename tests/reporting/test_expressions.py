@@ -59,6 +59,8 @@ def test_a_formula_has_the_value_it_reads(text, value):
         ("9^9^9", "nothing may follow"),
         ("__import__('os')", "what is '__import__'"),
         ("s.real", "what is '.real'"),
+        ("1/(s2+3s+2)", "'2' stands right behind 's': write a power with ^"),
+        ("1.5.2", "'.2' stands right behind '1.5'"),
     ],
 )
 def test_what_is_no_transfer_function_is_refused_in_a_sentence(text, said):

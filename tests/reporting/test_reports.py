@@ -543,6 +543,27 @@ def section(loop, title, **given):
     return dict(sections_of(loop, **given))[title]()
 
 
+def test_a_peak_in_the_first_moment_is_told():
+    C = (100 * s + 0.001) / (s * (0.001 * s + 1))
+    loop = nrdob.NRDOB(1 / (s + 1), 1 / (s + 1), C, nrdob.LowPassFilter(0.1, 1))
+    told = section(loop, "What it does").words[0]
+    u = loop.step_response("R", np.linspace(0, 0.2, 20_001)).outputs[1, 0]
+    assert f"u reaches {np.abs(u).max():.3g} per unit" in told
+
+
+@pytest.mark.slow
+def test_a_response_that_cannot_be_computed_to_its_end_is_told_to_go_on():
+    lag = 1 / (s + 1) ** 10
+    loop = nrdob.NRDOB(lag, lag, 0.02 / s, nrdob.LowPassFilter(1.0, 10))
+    told = section(loop, "What it does").words[0]
+    assert "Later values cannot be computed to nine digits; y goes to 1." in told
+
+
+def test_an_order_of_zero_is_refused_and_not_passed_over():
+    with pytest.raises(ValueError, match="order"):
+        propose(1 / (s + 1), order=0)
+
+
 def test_filters_are_listed_for_this_order_and_the_next():
     loop = nrdob.NRDOB(1 / (s + 1), 1 / (s + 1), 1 / s, nrdob.LowPassFilter(0.5, 1))
     found = section(loop, "Which filters would do?")

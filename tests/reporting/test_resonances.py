@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 import nrdob
-from nrdob.reporting.formulas import character, intervals
+from nrdob.reporting.formulas import character, formula, intervals, roots_listed
 from nrdob.reporting.resonances import moved, resonance_warnings
 
 s = ct.tf("s")
@@ -33,6 +33,14 @@ def test_the_first_shift_that_makes_the_loop_unstable_is_named(lag):
         if roots_of_loop(10 * (1 + sign * shift / 100), lag).real.max() >= 0
     ]
     assert [f"{lost[0][0]} % {lost[0][1]}" in each for each in said] == [True] * bool(lost)
+
+
+def test_a_resonance_without_any_damping_is_one():
+    plant, model = 100 / (s**2 + 100), 100 / (s**2 + 0.4 * s + 100)
+    loop = nrdob.NRDOB(plant, model, 0, nrdob.LowPassFilter(0.0316, 2))
+    assert loop.stability().stable
+    (said,) = [said for _, said in resonance_warnings(loop)]
+    assert "5 % lower the loop is unstable" in said
 
 
 def test_an_antiresonance_and_a_dead_time_count_as_well():
@@ -80,3 +88,21 @@ def test_intervals_of_time_constants_are_written_with_both_ends():
     assert intervals([(0.375, inf)]) == "λ > 0.375 s"
     assert intervals([(0.1, 0.2), (3.0, inf)]) == "0.1 s < λ < 0.2 s or λ > 3 s"
     assert intervals([]) == "no λ at all"
+    assert intervals([(0.109384, 0.381966)]) == "0.1094 s < λ < 0.3819 s"
+    assert intervals([(60.0444, 8.88888e6)]) == "60.05 s < λ < 8.888e+06 s"
+    assert intervals([(0.1 + 0.2, 0.6 * (1 + 1e-15))]) == "0.3 s < λ < 0.6 s"
+
+
+def test_a_multiple_root_is_listed_as_often_as_it_is_there():
+    for order in (2, 3, 4):
+        assert roots_listed(np.roots(np.poly(-2.16 * np.ones(order)))).count("−2.16") == order
+    assert roots_listed([-1 + 2j, -1 - 2j]) == "−1 ± 2j"
+
+
+def test_zeros_on_the_axis_are_not_called_harmless():
+    (said,) = character(ct.tf([1, 0, 4], [1, 3, 3, 1]))
+    assert said.startswith("It has zeros on the imaginary axis, at ± 2j rad/s")
+
+
+def test_what_stands_below_a_bar_is_in_brackets():
+    assert formula(ct.tf([1], [1e-7, 0])).startswith("1/(") and formula(ct.tf([2], [1, 0])) == "2/s"
