@@ -148,11 +148,14 @@ def _outliers(record: Record, residual: FloatArray, start: int) -> Iterator[str]
 def _drift(record: Record, residual: FloatArray, fit: Fit) -> Iterator[str]:
     innovations = fit.whitening.applied(residual)
     walked = fit.whitening.walked(float(innovations.std()), record.y.size)
+    if fit.whitening.theta < 1:  # more than at random where it goes on in its direction
+        tenth = residual.size // 10
+        walked = max(walked, abs(float(residual[-tenth:].mean() - residual[:tenth].mean())))
     if walked > DRIFTED * np.ptp(record.y[record.free]):
         yield (
-            f"y drifts, by about {walked:.2g} over the record, without the input's doing; the "
-            "intervals count that in: let the plant come to rest before the record, or make "
-            "larger steps and more of them"
+            f"y drifts, by about {walked:.2g} over the record, without the input's "
+            "doing; the intervals count that in: let the plant come to rest before the record, or "
+            "make larger steps and more of them"
         )
 
 

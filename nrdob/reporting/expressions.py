@@ -1,7 +1,8 @@
 r"""Transfer functions as one writes them: ``4/(s^2+3s+2)*exp(-0.3s)``.
 
 A small grammar of numbers, s, sums, products (also without a sign between them), quotients, whole
-powers and the dead time ``exp(-T s)``; nothing in a text is ever run.
+powers and the dead time ``exp(-T s)``, or as a report prints them, ``s²`` and ``e^(−T s)``; nothing
+in a text is ever run.
 
 .. code-block:: text
 
@@ -31,6 +32,11 @@ TOKEN = re.compile(
     r"\s*(?:(?P<number>(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)|(?P<exp>exp)|(?P<s>s)"
     r"|(?P<sign>\*\*|[-+*/^()])|(?P<other>\S.{0,9}))"
 )
+
+
+PRINTED = str.maketrans("−·", "-*")
+RAISED = "⁰¹²³⁴⁵⁶⁷⁸⁹"
+"""How a report writes what is typed as - and *, and as the digits of a power."""
 
 
 class _Value(NamedTuple):
@@ -71,7 +77,7 @@ def read_block(text: str, name: str = "the block") -> DelayedTransferFunction:
     try:
         if len(text) > LONGEST:
             raise ValueError(f"it has {len(text)} characters, at most {LONGEST} are read")
-        value = _Reader(text).read()
+        value = _Reader(_typed(text)).read()
         if value.delay < 0:
             raise ValueError("exp(+T s) would predict the future; a dead time is exp(-T s)")
         with np.errstate(over="ignore"):
@@ -79,6 +85,14 @@ def read_block(text: str, name: str = "the block") -> DelayedTransferFunction:
         return DelayedTransferFunction(found[:2], found.delay)
     except ValueError as error:
         raise ValueError(f"{shown}: {error}") from None
+
+
+def _typed(text: str) -> str:
+    """Write what a report has printed as one types it."""
+    text = re.sub(r"\be\^(?=\()", "exp", text.translate(PRINTED))
+    return re.sub(
+        f"[{RAISED}]+", lambda found: "^" + "".join(str(RAISED.index(c)) for c in found[0]), text
+    )
 
 
 class _Reader:

@@ -500,6 +500,19 @@ def test_what_a_sensor_rounds_and_a_table_interpolates_is_no_outlier():
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize("drift", [0.0, 1.0, -3.0])
+def test_a_steady_drift_is_told_with_its_size(drift):
+    t, u, y = lag(switched(800))
+    found = identify(t, u, y + drift * t / 800, structure=ONE_LAG)
+    said = [each for each in found.remarks if each.startswith("y drifts")]
+    assert len(said) == bool(drift)
+    if said:
+        assert float(said[0].split()[4]) == pytest.approx(0.9 * abs(drift), rel=0.15)
+    gain = found.parameters["gain"]
+    assert gain.low < 2 < gain.high
+
+
+@pytest.mark.slow
 def test_a_drift_is_told_and_counted_in():
     t, u, y = lag(switched())
     rng = np.random.default_rng(5)

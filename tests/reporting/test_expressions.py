@@ -1,9 +1,12 @@
 """Formulas as one writes them: what they mean, and what is refused."""
 
+import control as ct
 import numpy as np
 import pytest
 
+import nrdob
 from nrdob.reporting import read_block
+from nrdob.reporting.formulas import formula
 
 AT = 0.3 + 0.7j
 
@@ -29,6 +32,25 @@ AT = 0.3 + 0.7j
 )
 def test_a_formula_has_the_value_it_reads(text, value):
     assert read_block(text)(AT) == pytest.approx(value, rel=1e-9)
+
+
+@pytest.mark.parametrize(
+    "block",
+    [
+        ct.tf([2, 1], [1, 3, -2]),
+        ct.tf([-1], [1e-7, 0]),
+        ct.tf(1, np.poly(-np.ones(12))),
+        nrdob.delay(0.3) * ct.tf([1, 0, 4], [1e-9, 2e-5, 1]),
+        nrdob.LowPassFilter(0.05, 3),
+        ct.tf(0.5, 1),
+    ],
+)
+def test_what_a_report_prints_can_be_typed_in_again(block):
+    read = read_block(formula(block), "--process")
+    s = 1j * np.geomspace(0.01, 100, 30)
+    dead = np.exp(-s * getattr(block, "delay", 0.0))
+    rational = block.tf if hasattr(block, "tf") else block
+    assert read.tf(s) * np.exp(-s * read.delay) == pytest.approx(rational(s) * dead, rel=1e-3)
 
 
 @pytest.mark.parametrize(
