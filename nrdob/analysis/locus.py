@@ -274,9 +274,7 @@ def _relevant(motion: FloatArray, brackets: Brackets, late: BoolArray) -> Bracke
     sizes = motion[SIZE, loop, low], motion[SIZE, loop, high]
     smallest, largest = np.fmin(*sizes), np.fmax(*sizes)
     negative = motion[COSINE, loop, low] < 0, motion[COSINE, loop, high] < 0
-    skipped = (
-        high > low + 1
-    )  # over values without a sign: there is the zero, or the minimum, itself
+    skipped = high > low + 1  # a value without a sign: the zero, or the minimum, itself
     kept = (row != SIDE) | negative[0] | negative[1] | skipped
     if late.any():
         # Of a loop gain that a dead time turns for ever the largest small crossing counts.

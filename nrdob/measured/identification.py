@@ -206,13 +206,14 @@ def identify(
     [1.5, 2.0, 0.3]
     """
     if not isinstance(t, Record):
-        t = checked_record(t, u, y, input_before=input_before)
-    elif not (u is None and y is None and input_before is None):
+        record = checked_record(t, u, y, input_before=input_before)
+    elif u is None and y is None and input_before is None:
+        record = t
+    else:
         raise TypeError(
             "a record holds u, y and what the input was before it: give identify the record alone, "
             "and input_before to read_data"
         )
-    record = t
     if not 0 <= real_number(held_out, "held_out", "give a number, such as 0.5") < 0.9:
         raise ValueError(f"held_out is {held_out}; it must be between 0 and 0.9")
     for remark in record.remarks:
