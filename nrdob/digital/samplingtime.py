@@ -82,7 +82,7 @@ def largest_sampling_time(
     times = _times(loop, longest)
     shortest = SampledLoop(loop, float(times[0]), method, computation_delay)
     verdict = shortest.stability()
-    if verdict.stable is False or shortest.closed_loop.spectral_radius >= 1:
+    if verdict.stable is False or excess(shortest.dt) >= 0:
         raise ArithmeticError(
             f"the loop is stable in continuous time, but not clearly at dt = {shortest.dt:g} s, "
             f"the shortest in the search: {verdict.reason}; judge the dt at hand, by "

@@ -17,6 +17,7 @@ from __future__ import annotations
 import re
 from functools import reduce
 from typing import NamedTuple
+from unicodedata import normalize
 
 import numpy as np
 
@@ -34,9 +35,8 @@ TOKEN = re.compile(
 )
 
 
-PRINTED = str.maketrans("−·", "-*")
-RAISED = "⁰¹²³⁴⁵⁶⁷⁸⁹"
-"""How a report writes what is typed as - and *, and as the digits of a power."""
+PRINTED = str.maketrans("−·", "-*")  # how a report writes what is typed as - and *
+RAISED = re.compile("[⁰¹²³⁴⁵⁶⁷⁸⁹]+")
 
 
 class _Value(NamedTuple):
@@ -90,9 +90,7 @@ def read_block(text: str, name: str = "the block") -> DelayedTransferFunction:
 def _typed(text: str) -> str:
     """Write what a report has printed as one types it."""
     text = re.sub(r"\be\^(?=\()", "exp", text.translate(PRINTED))
-    return re.sub(
-        f"[{RAISED}]+", lambda found: "^" + "".join(str(RAISED.index(c)) for c in found[0]), text
-    )
+    return RAISED.sub(lambda found: "^" + normalize("NFKC", found[0]), text)
 
 
 class _Reader:

@@ -13,6 +13,7 @@ from ..design import ModelCandidate, stable_model_exists, suggest_model
 from ..diagram import (
     DelayedTransferFunction,
     FilterFamily,
+    LowPassFilter,
     as_fraction,
     filter_fraction,
     interpolating_filter,
@@ -20,7 +21,7 @@ from ..diagram import (
 )
 from ..loop import NRDOB
 from ..measured import Identification
-from ..numerics import is_whole, number
+from ..numerics import number
 from .choices import controller_for, filter_at, filter_for, slowest_lag
 from .resonances import CERTAIN, LIGHT, resonance_warnings
 from .trials import Trial, in_words, trials_on
@@ -104,8 +105,8 @@ def propose(
     TypeError, ValueError
         If a block cannot stand where it is put.
     """
-    if order is not None and not (is_whole(order) and order >= 1):
-        raise ValueError(f"order is {order!r}; give n of the filter, a whole number from 1 on")
+    if order is not None:
+        LowPassFilter(1.0, order)  # refuses what is no order
     found = process if isinstance(process, Identification) else None
     process = found.process if found else process
     if found and found.unsure:

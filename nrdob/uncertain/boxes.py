@@ -427,7 +427,7 @@ def _holds(
     )
 
 
-def _lag_of(size: Any, omega: Any) -> FloatArray:
+def _lag_of(size: FloatArray | float, omega: FloatArray | float) -> FloatArray:
     """T with |1 + jωT| = size, 0 where there is none."""
     return np.asarray(np.sqrt(np.maximum(size**2 - 1, 0.0)) / omega)
 
