@@ -27,7 +27,7 @@ from sphinx.application import Sphinx
 from sphinx.transforms import SphinxTransform
 from sphinx.util.docutils import SphinxDirective
 
-OPENS = re.compile(r"<details><summary>(?:Solution|How one knows)</summary>\s*")
+OPENS = re.compile(r"<details><summary>(?:Solution|Hint)</summary>\s*")
 CLOSES = re.compile(r"</details>\s*")
 NUMBER = re.compile(r"(\d+)\.")
 BRIEF = "Design brief"

@@ -14,6 +14,7 @@ from math import ceil
 from typing import Any
 
 import numpy as np
+from threadpoolctl import threadpool_limits
 
 from ..diagram import DelayedTransferFunction, real_number
 from ..numerics import FloatArray
@@ -248,6 +249,12 @@ def identified(
     ValueError
         If the numbers of the process cannot be told from the record.
     """
+    # The matrices are small: several threads would wait for each other most of the time.
+    with threadpool_limits(limits=1, user_api="blas"):
+        return _found(record, structures, held_out)
+
+
+def _found(record: Record, structures: tuple[Structure, ...], held_out: float) -> Identification:
     sizes = np.ptp(np.append(record.inputs, 0.0)), np.ptp(record.y[record.free])
     inputs, outputs = record.inputs / sizes[0], (record.y - record.y[0]) / sizes[1]
     every = np.arange(outputs.size)  # across what was not measured, for the memory of the filters

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from scipy.optimize import least_squares
 from scipy.signal import lfilter
+from threadpoolctl import threadpool_info, threadpool_limits
 
 import nrdob
 from nrdob.measured import STRUCTURES, checked_record, heated_air, identified, identify, read_data
@@ -426,3 +427,16 @@ def test_a_thousandth_of_a_sample_is_no_dead_time():
     assert process_of(rough, 0.1, 1.0).delay == 0
     late = replace(rough, shape=np.array([0.02, 3.0]))
     assert process_of(late, 0.1, 1.0).delay == pytest.approx(0.002)
+
+
+def test_small_matrices_do_not_wait_for_other_threads(monkeypatch):
+    def threads():
+        return {each["num_threads"] for each in threadpool_info() if each["user_api"] == "blas"}
+
+    seen = []
+    judge = "nrdob.measured.identification.judge"
+    monkeypatch.setattr(judge, lambda *_: seen.append(threads()) or 1 / 0)
+    with threadpool_limits(limits=2, user_api="blas"):
+        with pytest.raises(ZeroDivisionError):
+            identify(*heated_air(), structure="one lag with dead time")
+        assert seen == [{1}] and threads() == {2}
