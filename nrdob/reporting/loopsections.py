@@ -152,9 +152,10 @@ def _warnings(found: Margins, loop: NRDOB, step: float | None) -> Iterator[str]:
     for factor, way in ((found.gm_high, "rises"), (found.gm_low, "falls")):
         decibels = abs(20 * log10(factor)) if 0 < factor < inf else inf
         if decibels < SMALL_GAIN_DB:
+            digits = 3 - int(log10(max(abs(factor - 1), 1e-6)))  # so that 0.9998 is not "times 1"
             yield (
                 f"Only {number(decibels, 2)} dB from instability if the gain of the plant {way}: "
-                f"times {number(factor)} is too {'much' if way == 'rises' else 'little'}."
+                f"times {number(factor, digits)} is too {'much' if way == 'rises' else 'little'}."
             )
     if found.pm < SMALL_PHASE:
         yield f"Only {number(found.pm, 2)}° of phase margin at {number(found.wgc)} rad/s."

@@ -551,6 +551,12 @@ def test_a_peak_in_the_first_moment_is_told():
     assert f"u reaches {np.abs(u).max():.3g} per unit" in told
 
 
+def test_a_gain_next_to_the_limit_is_not_told_as_one():
+    loop = nrdob.NRDOB(8.998 / (s + 1) ** 3, 1 / (s + 1) ** 3, 1, nrdob.LowPassFilter(0.1, 3))
+    told = " ".join(section(loop, "How nearly not?").warnings)
+    assert "if the gain of the plant rises: times 1.00022 is too much" in told  # 9/8.998
+
+
 @pytest.mark.slow
 def test_a_response_that_cannot_be_computed_to_its_end_is_told_to_go_on():
     lag = 1 / (s + 1) ** 10
