@@ -107,8 +107,8 @@ class NRDOB(LoopEquations):
         Parameters
         ----------
         dt, method, computation_delay : float, {"tustin", "zoh"}, float
-            Sampling time in seconds, how the blocks are sampled, and the time from reading y to
-            writing u, in seconds.
+            Sampling time in seconds, how the blocks are sampled ("zoh" not with a dead time in the
+            model), and the time from reading y to writing u, in seconds.
 
         Returns
         -------

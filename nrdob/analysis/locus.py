@@ -29,6 +29,7 @@ __all__ = ["Found", "Locus", "Notable", "factors_of", "notable_frequencies"]
 NOISE = 1e-13  # what is below it may be rounding, and has no sign
 CROSSING = 1e-3  # how well a crossing must be one: at a pole on the axis the side changes by a jump
 STEEP = 1e12  # slope of log L over log ω beyond which a crossing is a pole or a zero on the axis
+NEXT = 1e-3  # how far beside a frequency, against its neighbours, where a side is looked at
 LEEWAY = 0.1  # by how much the logarithm of L may leave what it is at both ends of a stretch
 SMALL = 0.5  # size of L, against 1 and its largest value, below which a delay's turns do not matter
 CUTS = 8  # parts of a stretch in which a minimum and a maximum may hide together
@@ -232,10 +233,11 @@ def notable_frequencies(
         return motion
 
     motion = followed(omega)
-    more = _hidden(locus, omega, motion)
-    if more.size:
-        omega, first = np.unique(np.concatenate([omega, more]), return_index=True)
-        motion = np.concatenate([motion, followed(more)], axis=-1)[..., first]
+    for looked_for in (_beside, _hidden):
+        more = looked_for(locus, omega, motion)
+        if more.size:
+            omega, first = np.unique(np.concatenate([omega, more]), return_index=True)
+            motion = np.concatenate([motion, followed(more)], axis=-1)[..., first]
     brackets = _relevant(motion, _changes(motion[: DISK_RETREAT + 1]), np.isfinite(last))
     row, loop, _, _ = brackets
     solved = _solved(locus, omega, motion, brackets)
@@ -274,8 +276,7 @@ def _relevant(motion: FloatArray, brackets: Brackets, late: BoolArray) -> Bracke
     sizes = motion[SIZE, loop, low], motion[SIZE, loop, high]
     smallest, largest = np.fmin(*sizes), np.fmax(*sizes)
     negative = motion[COSINE, loop, low] < 0, motion[COSINE, loop, high] < 0
-    skipped = high > low + 1  # a value without a sign: the zero, or the minimum, itself
-    kept = (row != SIDE) | negative[0] | negative[1] | skipped
+    kept = (row != SIDE) | negative[0] | negative[1]
     if late.any():
         # Of a loop gain that a dead time turns for ever the largest small crossing counts.
         certain = np.full(late.size, -np.inf)
@@ -285,8 +286,7 @@ def _relevant(motion: FloatArray, brackets: Brackets, late: BoolArray) -> Bracke
         small = late[loop] & (largest + LEEWAY < np.fmin(floor, certain)[loop])
         kept &= (row != SIDE) | ~small
     towards, known = motion[row, loop, low] < 0, _known(motion)[row - RETREAT, loop]
-    near = towards & ((_least(smallest, largest, row == DISK_RETREAT) < known) | skipped)
-    kept &= (row < RETREAT) | near
+    kept &= (row < RETREAT) | (towards & (_least(smallest, largest, row == DISK_RETREAT) < known))
     return row[kept], loop[kept], low[kept], high[kept]
 
 
@@ -299,6 +299,14 @@ def _least(smallest: FloatArray, largest: FloatArray, disk: BoolArray | bool) ->
     """Bound ``|1 + L|``, or ``|(1 + L)/(1 - L)|``, from below by the size of L in a stretch."""
     size = np.exp(np.minimum(np.maximum(smallest - LEEWAY, 0.0), largest + LEEWAY))
     return np.asarray(np.abs(1 - size) / np.where(disk, 1 + size, 1.0))
+
+
+def _beside(_: Locus, omega: FloatArray, motion: FloatArray) -> FloatArray:
+    """Frequencies on both sides of one at which something happens, where there is no side."""
+    at = np.flatnonzero((np.abs(motion[: DISK_RETREAT + 1]) <= NOISE).any(axis=(0, 1)))
+    at = at[(at > 0) & (at < omega.size - 1)]
+    width = NEXT * np.minimum(omega[at] - omega[at - 1], omega[at + 1] - omega[at])
+    return np.concatenate([omega[at] - width, omega[at] + width])
 
 
 def _hidden(locus: Locus, omega: FloatArray, motion: FloatArray) -> FloatArray:

@@ -37,6 +37,7 @@ __all__ = [
 
 
 TINY = 1e-200  # size of L below which it is 0
+HEADING = f"       GM (dB)  {'gains':16}  PM (°)       Ms   delay margin (s)"
 LARGE = 2.0**27  # radius of the circle that stands for a straight line
 
 
@@ -59,7 +60,8 @@ class Margins:
     wpc, wgc, wms : float
         Frequencies of gm, pm and sm in rad/s; nan where there is none.
     gm_low, gm_high : float
-        The loop stays stable for every gain factor strictly between them.
+        The loop stays stable for every gain factor strictly between them, but at those at which
+        roots only touch the axis.
     disk_margin : float
         Symmetric disk margin :math:`\alpha = \min 2|1 + L|/|1 - L|`: the loop stays stable
         with every complex factor in the disk on the diameter from (2 - α)/(2 + α) to its inverse.
@@ -113,6 +115,11 @@ class Margins:
         return 1 / self.sm if self.sm else inf
 
     def __str__(self) -> str:
+        return f"{HEADING}\n{self.row}" if self.stable else self.row
+
+    @property
+    def row(self) -> str:
+        """The numbers in a line, without a heading."""
         if not self.stable:
             verdict = "NOT stable" if self.stable is False else "not decided"
             return f"{self.name:4} {verdict}: no margins{self._crossings}"
@@ -155,9 +162,8 @@ class LoopMargins:
     stable: bool | None
 
     def __repr__(self) -> str:
-        head = f"       GM (dB)  {'gains':16}  PM (°)       Ms   delay margin (s)"
-        rows = {each.name: str(each) for each in (self.model_loop, self.observer_loop)}
-        return "\n".join([head, *(rows | {self.plant_loop.name: str(self.plant_loop)}).values()])
+        every = self.model_loop, self.observer_loop, self.plant_loop
+        return "\n".join([HEADING, *{each.name: each.row for each in every}.values()])
 
 
 class MarginBounds(NamedTuple):

@@ -1,4 +1,4 @@
-"""Certificates of stability and instability that a checker of 200 lines accepts or refuses.
+"""Certificates of stability and instability that a checker of 200 lines of code accepts or refuses.
 
 ``loop.stability().certificate().save("certificate.json")`` writes a verdict with its proof, and
 ``python -m nrdob.certificates certificate.json`` says what is proved (exit status 0) or why

@@ -122,7 +122,11 @@ def certify(
         "model_delay": _fraction(model_delay or Fraction(one, one), loop.model_delay),
         "controller": _fraction(fractions.C),
     }
-    poles = one if model_delay else loop.built.poles.q
+    # Of a pole that cancels at one time constant only the power of s cancels at all of them.
+    common = loop.built.poles
+    poles = one if model_delay else common.q
+    if time_constants and not model_delay:
+        poles = np.append(one, np.zeros(common.zeros_at_origin))
     cancelled = {"zeros": _texts(_exact(loop.built.zeros.q)), "poles": _texts(_exact(poles))}
 
     def part(delay: Interval, lag: Interval) -> Blocks:
@@ -217,7 +221,10 @@ def _filters(loop: LoopEquations, time_constants: Interval) -> list[Blocks]:
 
 
 def _interval(name: str, given: Interval) -> Interval:
-    low, high = map(float, given)
+    try:
+        low, high = map(float, given)
+    except (TypeError, ValueError):
+        raise TypeError(f"{name} is {given!r}; give the lowest and the highest") from None
     if not (isfinite(low) and isfinite(high) and low <= high):
         raise ValueError(f"{name} are {given}; give the lowest and the highest")
     return low, high

@@ -263,8 +263,10 @@ def once(pairs: list[Any]) -> Any:
 
 
 if __name__ == "__main__":
+    if len(sys.argv) != 2 or sys.argv[1] in ("-h", "--help"):
+        sys.exit("usage: python checker.py certificate.json, one certificate at a time")
     try:
         with open(sys.argv[1], encoding="utf-8") as file:
             print(check(json.load(file, object_pairs_hook=once)))
-    except (IndexError, OSError, ValueError, OverflowError, RecursionError) as reason:
+    except (OSError, ValueError, OverflowError, RecursionError) as reason:
         sys.exit(f"Not proved: {reason}")

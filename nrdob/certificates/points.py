@@ -42,7 +42,7 @@ def half_plane_points(
     last = max(map(_last, functions))
     scaled = [_scaled(terms, last) for terms in functions]
     moved = delay * last, within * last
-    ends = _pieces(scaled, min(_first(terms, power, moved) for terms in scaled), moved)
+    ends = _pieces(scaled, _first(scaled, power, moved), moved)
     return np.sort(ends) * last
 
 
@@ -127,21 +127,26 @@ def _last(terms: Terms) -> float:
     return float(2.0 ** OCTAVES[beyond[-1] + 1 if beyond.size else 0])
 
 
-def _first(terms: Terms, power: int, moved: Moved) -> float:
-    """Power of two below 1 up to which f, less its roots at s = 0, keeps its first direction."""
+def _first(functions: Sequence[Terms], power: int, moved: Moved) -> float:
+    """Power of two below 1 up to which all, less roots at s = 0, keep their first direction."""
     high = 2.0 ** np.arange(0.0, OCTAVES[0], -1)
     if power:
-        known, bend = 0.0, np.zeros_like(high)
-        for q, delay in terms:
-            *_, last, beyond = q, *_derivatives(q, delay, power + 1)
-            known += float(np.polyval(last, 0.0))  # nothing is left of a polynomial of low degree
-            bend += np.polyval(np.abs(beyond), high)
-        held = abs(known) > SLACK * high * bend / (power + 1)
+        held = np.all([_keeps(terms, power, high) for terms in functions], axis=0)
     else:
-        held = _keep_to_half_plane([terms], np.zeros_like(high), high, moved)
+        held = _keep_to_half_plane(functions, np.zeros_like(high), high, moved)
     if not held.any():
         raise ArithmeticError("a root is at s = 0, or too close to it")
     return float(high[np.argmax(held)])
+
+
+def _keeps(terms: Terms, power: int, high: FloatArray) -> BoolArray:
+    """Whether f, of which a power of s is divided out, keeps its first direction up to `high`."""
+    known, bend = 0.0, np.zeros_like(high)
+    for q, delay in terms:
+        *_, last, beyond = q, *_derivatives(q, delay, power + 1)
+        known += float(np.polyval(last, 0.0))  # nothing is left of a polynomial of low degree
+        bend += np.polyval(np.abs(beyond), high)
+    return np.asarray(abs(known) > SLACK * high * bend / (power + 1))
 
 
 def _derivatives(q: FloatArray, delay: float, order: int) -> list[FloatArray]:

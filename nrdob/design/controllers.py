@@ -89,7 +89,7 @@ def design_controller(
         G̃, with or without dead time.
     bandwidth : float, optional
         Crossover frequency of C·G̃, in rad/s. Without it, the PI, T_i > 0, of largest integral gain
-        k/T_i that has the phase margin.
+        k/T_i that has the phase margin, where that margin limits the gain.
     phase_margin : float
         In degrees, between 0 and 90.
     max_ms : float, optional

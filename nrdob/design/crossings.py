@@ -40,7 +40,7 @@ ROUGH, STEP, FARTHEST = 1e-11, 1e-15, 1e-3
 """Bound of the rounding error of a critical λ from which it is found exactly; step of the frequency
 for that, and by how much it may differ at most."""
 
-BESIDE = 1.1  # another λ, against a critical one, at which p_B has its usual degree
+ENDS = 4  # coefficients of p_B at either end that are looked at
 JUMP = 1e-6  # distance from the line, against the branch's size, that makes it a jump
 
 
@@ -280,42 +280,46 @@ def _accepted(branches: Branches, omega: FloatArray, excess: ComplexArray) -> Bo
 def _through_ends(mismatch: Mismatch) -> list[CriticalTimeConstant]:
     """Find the λ at which a real root passes through s = 0 or through infinity.
 
-    There p_B(0), or its leading coefficient, vanishes; the next coefficient gives the direction.
+    There p_B(0), or its leading coefficient, vanishes; the next coefficient gives the direction. If
+    that vanishes, too, two roots pass.
     """
-    constant, slope, leading, second = _at_ends(mismatch)[:, ::-1]
     found = []
-    for end, other, frequency in ((constant, slope, 0.0), (leading, second, inf)):
+    for (end, other, *further), frequency in zip(_at_ends(mismatch), (0.0, inf), strict=True):
         for critical in positive_roots(end).tolist():
-            lead, second = (float(np.polyval(np.polyder(p), critical)) for p in (end, other))
-            direction = int(-np.sign(lead * np.polyval(other, critical)))
-            rest = mismatch.p_B(critical)
-            usual = mismatch.p_B(BESIDE * critical).q.size
-            if frequency and not rest.delay and rest.q.size == usual - 2:
-                direction = _pair_at_infinity(mismatch, critical, (lead, second))
+            slopes = [float(np.polyval(np.polyder(p), critical)) for p in (end, other)]
+            value = float(np.polyval(other, critical))
+            direction = int(-np.sign(slopes[0] * value))
+            if abs(value) <= ROUNDING * np.polyval(np.abs(other), critical):
+                direction = _of_pair(slopes, [float(np.polyval(p, critical)) for p in further])
             found.append(CriticalTimeConstant(critical, frequency, direction))
     return found
 
 
-def _at_ends(mismatch: Mismatch) -> FloatArray:
-    """Coefficients in λ of s^0 and s^1 in p_B, and of the two highest powers without dead time."""
+def _at_ends(mismatch: Mismatch) -> tuple[FloatArray, FloatArray]:
+    """Coefficients of s^0 to s^3 in p_B, and of the four highest powers without dead time.
+
+    Each a polynomial in λ, in descending powers.
+    """
     m = mismatch.divided
     tables = [(mismatch.E, mismatch.a, 0.0)]
     tables += [(mismatch.Nf, p, delay) for p, delay in mismatch.behind]
-    slope, constant = summed(
-        [(table.T, p[:, None], exponential(T, m + 2)[:, None]) for table, p, T in tables]
-    )[-m - 2 :][:2]
+    lowest = summed(
+        [(table.T, p[:, None], exponential(T, m + ENDS)[:, None]) for table, p, T in tables]
+    )[-m - ENDS :][:ENDS]
     top = summed([(table.T, p[:, None]) for table, p, delay in tables if not delay])
     first = int(np.flatnonzero(top.any(axis=1))[0])
-    lead, second = np.pad(top, ((0, 1), (0, 0)))[first : first + 2]
-    return np.array([constant, slope, lead, second])
+    highest = np.pad(top, ((0, ENDS - 1), (0, 0)))[first : first + ENDS]
+    return lowest[::-1, ::-1], highest[:, ::-1]
 
 
-def _pair_at_infinity(mismatch: Mismatch, critical: float, slopes: tuple[float, float]) -> int:
-    """Find the direction where the two highest coefficients of p_B vanish at one λ.
+def _of_pair(slopes: list[float], further: list[float]) -> int:
+    """Find the direction where two coefficients of p_B at one end vanish at one λ.
 
-    The two large roots are real there on one side, and a pair of finite real part on the other.
+    Two roots pass: they are real on one side of it, and a pair close to the axis on the other. 0 if
+    more than two do. At s = 0 and, in 1/s, at infinity it is the same polynomial.
     """
-    lead, second = slopes
-    third, fourth = np.append(mismatch.p_B(critical).q, 0.0)[:2]
+    (lead, second), (third, fourth) = slopes, further
+    if not (lead and third):
+        return 0
     of_pair = 2 if fourth / third > second / lead else 0
     return of_pair - 1 if third / lead > 0 else 1 - of_pair

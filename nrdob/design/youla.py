@@ -128,12 +128,13 @@ def observer_form(controller: Any, model: Any) -> ObserverForm:
 
 
 def stable_model_exists(controller: Any) -> Answer:
-    r"""Tell whether any stable model makes an NR-DOB with stable blocks of a controller.
+    r"""Tell whether any stable model is stabilised by a controller.
 
     A stable G̃ that K stabilises is a stable controller for K: by the parity interlacing property
     one exists if and only if between any two neighbouring real zeros of K with Re s ≥ 0, infinity
-    among them if K is strictly proper, there is an even number of poles of K. Where none exists,
-    either the model is unstable, and C is designed for an unstable model, or K is another one.
+    among them if K is strictly proper, there is an even number of poles of K. If K integrates, too,
+    such a model makes an NR-DOB of it, with stable blocks (`observer_form`). Where none exists, the
+    model is unstable, and C is designed for an unstable model, or K is another one.
 
     Parameters
     ----------

@@ -12,7 +12,7 @@ from matplotlib.lines import Line2D
 from matplotlib.ticker import MultipleLocator
 
 from ..analysis import Margins, resolved_frequencies
-from ..diagram import Quotient, real_number
+from ..diagram import Quotient, as_quotient, real_number
 from ..numerics import FloatArray, number
 from . import alttext
 from .figure import (
@@ -20,7 +20,6 @@ from .figure import (
     INK,
     TALL,
     Figure,
-    as_map,
     axes_for,
     colour_of,
     headings,
@@ -34,7 +33,7 @@ MAX_PHASE_SPAN = 720.0  # degrees below which a delay's phase is not followed
 
 
 def bode_plot(
-    *quotients: Quotient,
+    *quotients: Any,
     margins: Margins | None = None,
     omega_limits: tuple[float, float] | None = None,
     title: str = "",
@@ -44,8 +43,8 @@ def bode_plot(
 
     Parameters
     ----------
-    *quotients : Quotient
-        One or more maps of the loop.
+    *quotients : as for `nrdob.margins`
+        One or more maps of the loop, or loop gains L.
     margins : Margins, optional
         Those of the first map; finite ones are drawn, whether gain may rise or fall.
     omega_limits, title, axes : optional
@@ -58,7 +57,7 @@ def bode_plot(
     """
     if not quotients:
         raise ValueError("bode_plot needs at least one map, such as loop.FH")
-    quotients = tuple(map(as_map, quotients))
+    quotients = tuple(as_quotient(each, "L") for each in quotients)
     if not isinstance(margins, Margins | None):
         raise TypeError(
             f"margins is a {type(margins).__name__}; give those of the map that is drawn, such as "

@@ -15,7 +15,7 @@ __all__ = ["MapAxis", "chart_plot", "map_plot"]
 
 LABELS = {
     "time_constant": "time constant λ (s)",
-    "gain": "gain of the process, times",
+    "gain": "factor of the process's gain",
     "delay": "dead time θ (s)",
     "lag": "additional lag τ (s)",
     "observer_bandwidth": "bandwidth of the observer ωo (rad/s)",

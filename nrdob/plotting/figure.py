@@ -14,7 +14,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.axes import Axes
 
-from ..diagram import INPUTS, MAPS, Quotient
+from ..diagram import INPUTS, MAPS
 
 __all__ = [
     "COLOURS",
@@ -26,7 +26,6 @@ __all__ = [
     "TALL",
     "WIDTH",
     "Figure",
-    "as_map",
     "axes_for",
     "colour_of",
     "dress",
@@ -150,15 +149,6 @@ def new_axes(shape: tuple[int, int], height: float) -> Any:
         for ax in axes.flat:
             dress(ax)
     return axes
-
-
-def as_map(given: Any) -> Quotient:
-    """Return a map of the loop, or say how to get one."""
-    if not isinstance(given, Quotient):
-        raise TypeError(
-            f"a {type(given).__name__} is given; pass a map of the loop, such as loop.FH or loop.L"
-        )
-    return given
 
 
 def dress(ax: Axes) -> None:

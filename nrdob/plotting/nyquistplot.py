@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from math import inf
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
 
 from ..analysis import LoopStability, NyquistCount, encirclements
-from ..diagram import Quotient, real_number
+from ..diagram import as_quotient, real_number
 from ..numerics import ComplexArray, FloatArray, number
 from . import alttext
 from .contour import Approach, Contour, closest_approach, contour
@@ -20,7 +21,6 @@ from .figure import (
     SMALLEST,
     TALL,
     Figure,
-    as_map,
     axes_for,
     colour_of,
     headings,
@@ -37,7 +37,7 @@ ENOUGH = 5.0  # room around a text, in points, of which more is not better
 
 
 def nyquist_plot(
-    quotient: Quotient,
+    quotient: Any,
     *,
     verdict: LoopStability | NyquistCount | None = None,
     point: float = -1.0,
@@ -50,8 +50,8 @@ def nyquist_plot(
 
     Parameters
     ----------
-    quotient : Quotient
-        A map of the loop, such as ``loop.FH``, with or without delay, proper or not.
+    quotient : as for `nrdob.margins`
+        A map of the loop, such as ``loop.FH``, or a loop gain L, proper or not.
     verdict : LoopStability or NyquistCount, optional
         N, P and Z if they are known; by default they are counted.
     point : float
@@ -66,7 +66,8 @@ def nyquist_plot(
     """
     remedy = "it must be a finite real number: -1, or +1 for the ratio G̃⁻¹G"
     point = real_number(point, "point", remedy, above=-inf)
-    curve = contour(as_map(quotient))
+    quotient = as_quotient(quotient, "L")
+    curve = contour(quotient)
     approach = closest_approach(quotient, curve, point)
     counted = encirclements(quotient, point) if verdict is None else verdict
     (ax,) = axes_for(ax, 1, TALL)

@@ -61,7 +61,7 @@ def _trust(found: Identification) -> Section:
             *["–" if isnan(each.validation_percent) else f"{number(each.validation_percent)} %"]
             * held,
             number(each.bic),
-            "chosen" if each.structure == found.structure else "as well" * each.rival or "–",
+            "chosen" if each.structure == found.structure else "about as well" * each.rival or "–",
         )
         for each in found.candidates
     )
@@ -79,7 +79,10 @@ def _trust(found: Identification) -> Section:
         if held
         else "Nothing was held out, so that no part of the record confirms what was fitted."
     )
-    bic = "BIC weighs the fit of the whole record against the number of parameters: 0 is best."
+    bic = (
+        "BIC weighs the fit of the whole record against the number of parameters: 0 is best. About "
+        "as well does what is nearly as likely, or foretells the part held out within 1 %."
+    )
     return Section("How well is it known?", (f"{said} {bic}",), (table,))
 
 

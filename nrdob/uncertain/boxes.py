@@ -33,6 +33,9 @@ MOST = 200_000  # frequencies at most that a dead time asks for
 FAR = 10.0  # how far beyond all poles and zeros L is only a power of s and a dead time
 HALVINGS = 60  # how often shares are halved
 PER_STRETCH, NEAR = 16, 1.5  # frequencies of a stretch; shares, against the least, looked into
+WITHIN = (
+    0.4567  # where between two critical values a loop is judged: round ones may be critical, too
+)
 TOUCHING = 1e-6  # slope, against its size, with which roots touch the axis and cross or not
 MET = 1e-9  # distance of a gain from 1 at which it is 1, within rounding
 QUARTER = pi / 2 * (1 - 1e-12)  # the most by which a lag turns, within rounding
@@ -211,7 +214,7 @@ def _stable_between(
         same = high < inf and high - low <= 1e-9 * max(abs(low), abs(high))
         if same or (right > 0 and high < span.high):
             continue
-        middle = (low + high) / 2 if high < inf else 2 * low or 1.0
+        middle = low + WITHIN * (high - low) if high < inf else low / WITHIN or 1.0
         verdict = _with(loop, **{name: middle}).stability()
         if not verdict:
             if not verdict.model_loop:  # whatever the process
@@ -285,7 +288,8 @@ def largest_box(loop: NRDOB, *, gain: Any = None, delay: Any = None, lag: Any = 
         if not low <= nominal <= high:
             raise ValueError(
                 f"{name} is ({low:g}, {high:g}), around which the nominal plant, {nominal:g}, is "
-                "not; give an interval that holds it"
+                "not; give an interval that holds it (gains are factors, dead times and lags come "
+                "on top of the process's own)"
             )
     if asked["gain"].low <= 0 or asked["lag"].low < 0 or loop.delay + asked["delay"].low < 0:
         raise ValueError(

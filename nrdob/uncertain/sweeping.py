@@ -23,9 +23,10 @@ if TYPE_CHECKING:
 __all__ = ["QUANTITIES", "Share", "SweepTable", "sweep"]
 
 QUANTITIES = ("stable", "ms")  # what can be asked of every member
+LISTED = 10  # members of a table that are printed one by one, at most
 
 LABELS = {
-    "gain": "gain of the process, times",
+    "gain": "factor of the process's gain",
     "delay": "dead time θ (s)",
     "lag": "additional lag (s)",
 }
@@ -173,6 +174,12 @@ class SweepTable:
         ]
         if "ms" in self.columns and stable.any():
             lines.append(f"  worst ms           {np.nanmax(self['ms'][stable]):.4g}")
+        if len(self) <= LISTED:
+            shown = [*self.family.names, *(["ms"] if "ms" in self.columns else [])]
+            lines += [
+                "  " + ", ".join(f"{name} {self[name][k]:.4g}" for name in shown)
+                for k in range(len(self))
+            ]
         return "\n".join(lines) + ">"
 
     def stable_share(self, confidence: float = 0.95) -> Share:

@@ -569,3 +569,18 @@ def test_a_loop_gain_that_is_below_1_to_the_end_has_no_phase_margin(gain):
 def test_margins_are_shown_without_the_lists_behind_them():
     shown = repr(paper.example(1).margins().plant_loop)
     assert "gm=" in shown and "crossovers" not in shown and "rotations" not in shown
+
+
+@pytest.mark.parametrize("omega", [0.5, 1.0, 2.0, 3.0, 4.0])
+@pytest.mark.parametrize("damping", [0.125, 0.25, 0.375, 0.5, 0.625])
+def test_a_crossover_that_lies_on_a_frequency_looked_at_hides_no_other(omega, damping):
+    # |L| = 1 at x = ω², and again at a second root of (ω² - x)² + 4 ζ² ω² (x - ω²) = 0.
+    L = ct.tf([2 * damping * omega**2], [1, 2 * damping * omega, omega**2])
+    x = np.roots(
+        [1, 4 * damping**2 * omega**2 - 2 * omega**2, omega**4 - 4 * damping**2 * omega**4]
+    )
+    expected = np.sqrt(np.sort(x[x > 1e-9]))
+    found = nrdob.margins(L)
+    np.testing.assert_allclose(found.gain_crossovers, expected, rtol=1e-9)
+    angles = 180 - np.abs(np.degrees(np.angle(L(1j * expected))))
+    assert found.pm == pytest.approx(angles.min(), rel=1e-9)

@@ -671,3 +671,31 @@ def test_an_interval_around_the_dead_time_of_the_model_is_cut_there() -> None:
     for theta in (0.5, 0.8, 1.2, 1.5):
         late = NRDOB(nrdob.delay(theta) / (s + 1), loop.model, 0.5, loop.filter)
         assert late.stability().stable is True
+
+
+@pytest.mark.parametrize("given", [[], ["-h"], ["one.json", "two.json"]])
+def test_the_checker_wants_one_file(given):
+    said = subprocess.run(
+        [sys.executable, checker.__file__, *given], capture_output=True, text=True, check=False
+    )
+    assert said.returncode == 1 and not said.stdout and "usage: python checker.py" in said.stderr
+
+
+def test_an_interval_that_is_one_number_is_refused_by_name():
+    with pytest.raises(TypeError, match=r"gains is 1\.3; give the lowest and the highest"):
+        paper.example(1).stability().certificate(gains=1.3)
+
+
+def test_what_holds_for_each_end_of_an_interval_is_proved_for_both_together():
+    loop = NRDOB(([1], [1, 3, 2]), ([4], [0.25, 1]), 1, LowPassFilter(0.5, 3))
+    assert "stable" in loop.stability().certificate(gains=(4, 10)).proved
+    loop = NRDOB(([1], [1]), ([1], [1, 2]), 1, LowPassFilter(1.0, 3))
+    assert "stable" in loop.stability().certificate(time_constants=(1, 8)).proved
+
+
+@pytest.mark.parametrize("integrates", [False, True])
+@pytest.mark.parametrize("lam", [1.0, 2.0, 1.9])  # -2/λ is a pole of the model for the first two
+def test_what_cancels_at_one_time_constant_is_not_claimed_of_all(lam, integrates):
+    G = ct.tf([2], [1, 3, 2, 0] if integrates else [1, 3, 2])
+    loop = NRDOB(G, G, 1, LowPassFilter(lam, 2 + integrates))
+    assert "stable" in loop.stability().certificate(time_constants=(0.5, 5)).proved

@@ -490,3 +490,23 @@ def test_a_border_beside_an_undamped_pole_is_exact(damping, gain, order):
         for found, frequency, _ in critical_time_constants(process, model, order):
             exact = mp.findroot(p_B, (mp.mpf(frequency), mp.mpf(found)))[1]
             assert abs(found / exact - 1) < 1e-10
+
+
+@pytest.mark.parametrize(
+    ("process", "model", "order", "expected"),
+    [
+        (4 / (-(s**2) - s + 2), -1 / s, 2, [(0, 1)]),
+        (2 / (s - 2), (0.25 * s + 1) / s, 2, [(0, 0.5)]),
+        (-1 / (s**2 + 0.75 * s + 1), 1 / (s**2 + s), 2, [(0.5, inf)]),
+        (nrdob.delay(0.125) * 2 / (s - 2), (0.125 * s + 1) / s, 2, [(0.41899036722961414, 0.5)]),
+        (ct.tf([1], [1]), -1 / s, 1, [(0, 1), (1, inf)]),  # p_B vanishes at λ = 1: ill-posed
+    ],
+)
+def test_two_roots_that_pass_the_origin_at_one_time_constant(process, model, order, expected):
+    found = stabilizing_time_constants(process, model, order)
+    assert [pytest.approx(each, rel=1e-9) for each in expected] == found
+    for low, high in found:  # on both sides of every end
+        for lam in (low * 1.0001, high * 0.9999, low * 0.9999, high * 1.0001):
+            if 0 < lam < inf:
+                verdict = nrdob.judge_observer(process, model, nrdob.LowPassFilter(lam, order))
+                assert verdict.stable is any(a < lam < b for a, b in found)

@@ -16,7 +16,7 @@ from matplotlib.axes import Axes
 
 import nrdob
 from nrdob import LowPassFilter, delay, paper
-from nrdob.diagram import Quotient
+from nrdob.diagram import Quotient, as_quotient
 from nrdob.numerics import QuasiPolynomial
 from nrdob.plotting import (
     WIDTH,
@@ -501,15 +501,19 @@ def test_what_cannot_be_drawn_is_named_with_the_remedy(
 
 def test_a_plot_function_is_told_a_map_from_a_loop() -> None:
     loop = paper.example(2)
-    for wrong in (loop, ct.tf([1], [1, 1])):
-        with pytest.raises(TypeError, match=r"such as loop\.FH"):
-            nyquist_plot(wrong)  # type: ignore[arg-type]
-        with pytest.raises(TypeError, match=r"such as loop\.FH"):
-            bode_plot(wrong)  # type: ignore[arg-type]
+    for plot in (nyquist_plot, bode_plot):
+        with pytest.raises(TypeError, match="pass one of its maps"):
+            plot(loop)
     with pytest.raises(TypeError, match="an NRDOB"):
         step_plot(loop.FH)  # type: ignore[arg-type]
     with pytest.raises(TypeError, match="margins is a int"):
         bode_plot(loop.FH, margins=3)  # type: ignore[arg-type]
+
+
+def test_a_loop_gain_of_ones_own_is_drawn_like_a_map() -> None:
+    L = delay(0.5) * ct.tf([1], [1, 0])
+    assert "no encirclement of −1" in nyquist_plot(L).alt and "L" in bode_plot(L).alt
+    assert nyquist_plot(as_quotient(L, "L")).alt == nyquist_plot(L).alt
 
 
 @pytest.mark.slow

@@ -11,7 +11,7 @@ from nrdob import LowPassFilter, delay
 from nrdob.diagram import ObserverEquations
 from nrdob.numerics import count_rhp
 from nrdob.sampling import random_loop
-from nrdob.uncertain import boxes, gain_intervals
+from nrdob.uncertain import boxes, delay_intervals, gain_intervals
 
 s = ct.tf("s")
 
@@ -83,3 +83,20 @@ def test_a_verdict_that_contradicts_the_crossings_is_told(monkeypatch):
     monkeypatch.setattr(boxes, "_going_right", lambda L, omega, name: np.ones(omega.size))
     with pytest.raises(ArithmeticError, match="have crossed the imaginary axis"):
         gain_intervals(loop)
+
+
+def test_dead_times_beside_a_crossover_at_a_round_frequency():
+    # |L| = 1 at 1 rad/s, where the phase is -π/2, and at sqrt(0.75) rad/s.
+    G, Gm = ct.tf([1], [1, 0.5, 1]), ct.tf([1], [1, 0])
+    loop = nrdob.NRDOB(G, Gm, 1.0, LowPassFilter(2.0, 1))
+    (_, first), (second, third), (fourth, _) = delay_intervals(loop, 0, 10)
+    turn, period = 2 * pi, 2 * pi / np.sqrt(0.75)
+    assert (first, third) == pytest.approx((pi / 2, pi / 2 + turn), rel=1e-9)
+    assert fourth - second == pytest.approx(period, rel=1e-9)
+
+
+@pytest.mark.parametrize("span", [(2, 10), (0, 12), (2, 11)])
+def test_roots_that_touch_the_axis_at_a_round_gain_do_not_stop_the_search(span):
+    # p_B/s is (s² + 2)(4 s² + 5 s + 3) at k = 6, and stable on both sides of it.
+    loop = nrdob.NRDOB(([1], [1, 0.25, 1]), ([1], [1, 1, 1]), 1, LowPassFilter(2.0, 2))
+    assert gain_intervals(loop, *span) == [pytest.approx(span)]
