@@ -29,6 +29,7 @@ from nrdob_course.grading import marks, submissions
         ({"a/homework.ipynb": 2}, (), ["a set2 taken"]),
         ({"a/set1.ipynb": 2}, (), ["a set2 taken"]),
         ({"a/set1.ipynb.txt": 1}, (), ["a set1 taken"]),
+        ({"a/SET1.IPYNB": 1}, (), ["a set1 taken"]),
         ({"a/deep/in/set1.ipynb": 1}, (), ["a set1 taken"]),
         # The proper name wins; without it nobody can choose.
         ({"a/set1.ipynb": 1, "a/old.ipynb": 1}, (), ["a set1 left out"]),
@@ -135,6 +136,7 @@ def test_strange_cells_are_repaired(cell: dict[str, Any], tmp_path: Path) -> Non
         ("GROUP = '7'", None),
         ("GROUP = True", None),
         ("GROUP = 7.5", None),
+        ("GROUP = 0x" + "F" * 4000, None),
         ("GROUP = seven", None),
         ("GROUP = (", None),
         ("GROUP == 7", None),
