@@ -143,6 +143,10 @@ NOTEBOOKS: dict[str, tuple[bytes, str]] = {
     "a page of HTML": (b"<!DOCTYPE html><html>", "no valid JSON (Expecting value: line 1"),
     "bytes": (bytes(range(128, 256)), "the file cannot be read (UnicodeDecodeError"),
     "an archive": (zipped({"x": "y"}), "the file"),
+    "too many values": (
+        b'{"x": [' + b'{"a":{"b":{}}},' * 300_000 + b"1]}",
+        "the file holds too much",
+    ),
     "too deep": (b'{"cells": ' + b"[" * 10**5, "the file"),
     "another version": (b'{"cells": [], "nbformat": 99, "nbformat_minor": 0}', "set2"),
 }

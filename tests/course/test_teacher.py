@@ -227,6 +227,35 @@ def test_pictures_are_in_the_page(school: Class, notebook: Any, tmp_path: Path) 
     assert 'src="data:image/png;base64,QUJD"' in text
 
 
+@pytest.mark.parametrize(
+    "shown",
+    ["![](attachment:a.png)", "![][r]", "![](attachment\\:a.png)", "![](attachment:lost.png)"],
+)
+def test_a_picture_is_in_the_page_once_however_often_it_is_shown(
+    shown: str, school: Class, notebook: Any, tmp_path: Path
+) -> None:
+    cell_of(notebook, WRITTEN[0]).source = shown * 4000 + "\n\n[r]: <attachment:a.png>"
+    cell_of(notebook, WRITTEN[0]).attachments = {"a.png": {"image/png": "QUJD" * 5000}}
+    write(tmp_path / "in", {f"anna/{NAME}.ipynb": of_group(notebook, 5)})
+    assert school.grade(tmp_path / "in") == 0
+    assert (school.target / "marking.html").read_text("utf-8").count("QUJD" * 5000) == 1
+
+
+def test_pictures_that_are_too_many_are_named_and_the_rest_is_graded(
+    school: Class, notebook: Any, tmp_path: Path
+) -> None:
+    write(tmp_path / "in", {f"anna/{NAME}.ipynb": of_group(notebook, 5)})
+    (tmp_path / "in" / "anna" / "small.png").write_bytes(b"XYZ")
+    with (tmp_path / "in" / "anna" / "huge.png").open("wb") as file:
+        file.truncate(60_000_000)
+    assert school.grade(tmp_path / "in") == 0
+    row = school.row("anna")
+    assert row["total"] == marks.number(CHECKED)
+    assert row["remarks"] == "huge.png was left out: the pictures have more than 50 MB"
+    pictures = (school.target / "submitted" / "anna" / NAME).glob("*.png")
+    assert [file.name for file in pictures] == ["small.png"]
+
+
 # --- what goes back -----------------------------------------------------------------------------
 
 

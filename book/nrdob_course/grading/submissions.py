@@ -34,8 +34,8 @@ __all__ = ["NOTHING", "Submission", "find", "group_of", "read", "repair", "writa
 Notebook = Any
 Cell = Any
 
-LARGEST, LONGEST_CELL = 200e6, 100_000
-"""Bytes of a file that is opened, and letters of a cell that is read."""
+LARGEST, MOST_VALUES, LONGEST_CELL = 50e6, 1_000_000, 100_000
+"""Bytes of a file that is opened, values in it that are read, and letters of a cell."""
 
 NEW_CELL: dict[str, Any] = {"code": new_code_cell, "markdown": new_markdown_cell}
 SET_IN_NAME = re.compile(r"set[\s_-]*0*(\d+)", re.IGNORECASE)
@@ -307,6 +307,8 @@ def read(path: Path) -> tuple[Notebook, str]:
         data = path.read_bytes()
         if not data.strip():
             return None, "the file is empty"
+        if sum(map(data.count, b",[{")) > MOST_VALUES:  # each takes far more memory than here
+            return None, "the file holds too much"
         text = data.decode("utf-16" if data[:2] in (b"\xff\xfe", b"\xfe\xff") else "utf-8-sig")
         content = writable(json.loads(text))
         if not isinstance(content, dict) or not {"cells", "worksheets"} & content.keys():
