@@ -22,6 +22,7 @@ from nrdob_course.grading import marks, submissions
         ({"a/set1.ipynb": 1, "a/set2.ipynb": 2}, ("set2",), ["a set2"]),
         ({"a/set1/set1.ipynb": 1}, (), ["a set1"]),
         ({"a_set1.ipynb": 1, "b-set-01.ipynb": 1}, (), ["a set1", "b set1 taken"]),
+        ({"a_set1/set1.ipynb": 1, "b_set1.zip": "x"}, (), ["a set1", "b set1 refused"]),
         ({"a/.ipynb_checkpoints/set1.ipynb": 1, "a/set1.ipynb": 1}, (), ["a set1"]),
         ({".git/set1.ipynb": 1, "__MACOSX/x.ipynb": 1, "a/set1.ipynb": 1}, (), ["a set1"]),
         # The cells tell what it is, whatever it is called.

@@ -25,7 +25,7 @@ from typing import Any
 import nbformat
 from nbformat.v4 import new_code_cell, new_markdown_cell, new_notebook, new_raw_cell
 
-from .platforms import Owner, owner_of
+from .platforms import NOTE, Owner, owner_of
 from .remarks import parsed, suspicious
 from .roster import UNPLANNED, Course
 
@@ -273,9 +273,9 @@ def _choose(student: str, name: str, found: list[_Candidate]) -> Submission:
     if submission.reason:
         return submission
     submission.notebook = chosen.notebook
-    submission.handed_in = _time_of(chosen.path)
-    submission.shared = chosen.path.name == chosen.shown
-    proper = [f"{student}{between}{name}.ipynb" for between in ("/", f"/{name}/", "_")]
+    submission.handed_in = _time_of(chosen)
+    submission.shared = "/" not in chosen.shown
+    proper = [f"{student}{between}{name}.ipynb" for between in ("/", f"/{name}/", "_", f"_{name}/")]
     if chosen.shown not in proper and not (chosen.owner.platform and exact):
         submission.remarks.append(f"taken from {chosen.shown}")
     submission.remarks += [f"{other} was left out" for other in others]
@@ -287,14 +287,14 @@ def _choose(student: str, name: str, found: list[_Candidate]) -> Submission:
     return submission
 
 
-def _time_of(path: Path) -> datetime | None:
+def _time_of(found: _Candidate) -> datetime | None:
     """Tell when a file was handed in: as nbgrader noted it, else by the time of the file."""
-    note = path.parent / "timestamp.txt"
+    note = found.path.parent / NOTE
     try:
-        if note.exists() and not note.is_symlink():
+        if not found.owner.platform and note.exists() and not note.is_symlink():
             text = note.read_text("utf-8").strip().removesuffix(" UTC")
             return datetime.fromisoformat(f"{text}+00:00" if "+" not in text else text)
-        return datetime.fromtimestamp(path.stat().st_mtime).astimezone()
+        return datetime.fromtimestamp(found.path.stat().st_mtime).astimezone()
     except (OSError, ValueError, OverflowError):
         return None
 
