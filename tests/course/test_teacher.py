@@ -370,6 +370,16 @@ def test_a_regrade_changes_what_was_asked_for_and_nothing_else(
     ]
 
 
+@pytest.mark.parametrize(
+    ("problem", "says"),
+    [("2.9", "nothing is graded of 2.9; there is 2.1, 2.2,"), ("9.1", "of 9.1; there is nothing")],
+)
+def test_a_regrade_of_no_problem_is_refused(graded: Class, problem: str, says: str) -> None:
+    given = ["regrade", "--problem", problem, "--why", "w", "--as-root"]
+    assert command.main([*given, "--output", str(graded.target)]) == 2
+    assert says in graded.said[0]
+
+
 # --- the class ----------------------------------------------------------------------------------
 
 

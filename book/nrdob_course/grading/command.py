@@ -314,8 +314,11 @@ def regrade(
     chosen = [entry for entry in chosen if not sets or entry["set"] in sets]
     if unknown := set(students) - {entry["student"] for entry in chosen}:
         raise CourseError(f"nothing of {', '.join(sorted(unknown))} is graded there")
-    if not chosen:
-        raise CourseError(f"nothing is graded of {', '.join(problems)}")
+    with course(target).gradebook as gradebook:
+        there = {problem_of(g.name) for entry in chosen for g in grades_of(gradebook, entry)}
+    if (missing := set(problems) - there) or not there:
+        told, graded = (", ".join(sorted(each, key=marks.in_order)) for each in (missing, there))
+        raise CourseError(f"nothing is graded of {told}; there is {graded or 'nothing'}")
     released(target, {entry["set"] for entry in chosen})
     entries = {(entry["student"], entry["set"]): entry for entry in chosen}
     ready = [(entry["folder"], Submission(entry["student"], entry["set"])) for entry in chosen]
