@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 import json
 import os
+import sys
 import zipfile
 from collections.abc import Callable
 from pathlib import Path
@@ -142,6 +143,10 @@ NOTEBOOKS: dict[str, tuple[bytes, str]] = {
     "a page of HTML": (b"<!DOCTYPE html><html>", "no valid JSON (Expecting value: line 1"),
     "bytes": (bytes(range(128, 256)), "the file cannot be read (UnicodeDecodeError"),
     "an archive": (zipped({"x": "y"}), "the file"),
+    "too many values": (
+        b'{"x": [' + b'{"a":{"b":{}}},' * 300_000 + b"1]}",
+        "the file holds too much",
+    ),
     "too deep": (b'{"cells": ' + b"[" * 10**5, "the file"),
     "another version": (b'{"cells": [], "nbformat": 99, "nbformat_minor": 0}', "set2"),
 }
@@ -170,6 +175,92 @@ def test_a_broken_one_that_comes_later_costs_nothing(good: str, said: Said, tmp_
     assert any("no valid JSON" in text and "What was graded earlier stays" in text for text in said)
     [row] = table(tmp_path / "out" / "grades.csv")
     assert row["total"] == CHECKED
+
+
+def in_depth(levels: int) -> Any:
+    return {"a": in_depth(levels - 1)} if levels else "x"
+
+
+LONG = "0x" + "F" * 4000
+CELLS: dict[str, tuple[str, dict[str, Any], str]] = {
+    "a group with 4000 digits": (
+        "group",
+        {"source": f"GROUP = {LONG}"},
+        "GROUP has more than nine digits: ask for it; it was graded as 0",
+    ),
+    "a number with 4000 digits": ("answer-2-1", {"source": f"MASK = {LONG}"}, ""),
+    "attachments 200 deep": (WRITTEN[0], {"attachments": {"p.png": in_depth(200)}}, ""),
+    "attachments 400 deep": (WRITTEN[0], {"attachments": {"p.png": in_depth(400)}}, ""),
+}
+
+
+@pytest.mark.parametrize("name", CELLS)
+def test_what_stands_in_a_cell_costs_nobody_else_anything(
+    name: str, good: str, said: Said, tmp_path: Path
+) -> None:
+    id, change, remark = CELLS[name]
+    notebook = json.loads(good)
+    next(cell for cell in notebook["cells"] if cell["id"] == id).update(change)
+    write(tmp_path / "in", {f"anna/{NAME}.ipynb": good, f"eve/{NAME}.ipynb": notebook})
+    assert command.grade(tmp_path / "in", target=tmp_path / "out") == 0
+    rows = {row["student"]: row for row in table(tmp_path / "out" / "grades.csv")}
+    assert rows["anna"]["total"] == rows["eve"]["total"] == CHECKED
+    assert rows["eve"]["remarks"].startswith(remark) and len(rows["eve"]["remarks"]) < 200
+    assert (tmp_path / "out" / "similar.csv").exists()
+
+
+def test_a_notebook_that_cannot_be_written_is_named_briefly(
+    good: str, said: Said, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    write(tmp_path / "in", {f"anna/{NAME}.ipynb": good, f"eve/{NAME}.ipynb": good})
+    whole = command.nbformat.write
+
+    def narrow(notebook: Any, path: Path) -> None:
+        if "eve" in path.parts:
+            raise ValueError("x" * 10**5)
+        whole(notebook, path)
+
+    monkeypatch.setattr(command.nbformat, "write", narrow)
+    assert command.grade(tmp_path / "in", target=tmp_path / "out") == 1
+    rows = {row["student"]: row for row in table(tmp_path / "out" / "grades.csv")}
+    assert rows["anna"]["total"] == CHECKED
+    assert rows["eve"]["remarks"].startswith("not graded: its cells cannot be read (ValueError: x")
+    assert len(rows["eve"]["remarks"]) < 300
+
+
+# --- names --------------------------------------------------------------------------------------
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="needs names that are any bytes")
+def test_names_in_another_encoding_are_told_apart_and_written(
+    good: str, said: Said, tmp_path: Path
+) -> None:
+    place = os.fsencode(write(tmp_path / "in", {f"anna/{NAME}.ipynb": good}))
+    moodle = b"B\xf6hm_7_assignsubmission_file_"
+    for name in (b"M\xfcller", b"M\xf6ller", moodle):
+        os.mkdir(place + b"/" + name)
+        with open(place + b"/" + name + b"/l\xf6sung.ipynb", "w", encoding="utf-8") as file:
+            file.write(good)
+    os.mkdir(place + b"/Zo\xeb")
+    os.symlink(b"nowhere", place + b"/M\xfcller/\xff.png")
+    Path(os.fsdecode(place + b"/Zo\xeb/l\xf6sung.txt")).touch()
+    assert command.grade(tmp_path / "in", target=tmp_path / "out") == 1
+    rows = {row["student"]: row for row in table(tmp_path / "out" / "grades.csv")}
+    assert list(rows) == ["B\\xf6hm", "M\\xf6ller", "M\\xfcller", "Zo\\xeb", "anna"]
+    assert [row["total"] for row in rows.values()] == [CHECKED] * 3 + ["", CHECKED]
+
+
+def test_a_name_that_the_terminal_cannot_show_stops_nothing(
+    good: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(command, "Batch", Stub)
+    monkeypatch.setattr(command, "write_feedback", lambda *any: None)
+    shown = io.BytesIO()
+    monkeypatch.setattr(sys, "stdout", io.TextIOWrapper(shown, "cp1252", write_through=True))
+    write(tmp_path / "in", {f"Łukasz/{NAME}.ipynb": good})
+    given = ["grade", str(tmp_path / "in"), "--as-root", "--output", str(tmp_path / "out")]
+    assert command.main(given) == 0
+    assert b"?ukasz" in shown.getvalue()
 
 
 # --- rosters and settings -----------------------------------------------------------------------

@@ -158,6 +158,32 @@ def test_no_archive_writes_outside_of_its_folder(name: str, tmp_path: Path) -> N
     assert not list(tmp_path.rglob("out.ipynb"))
 
 
+def test_a_students_archive_is_the_students_whatever_it_is_called(tmp_path: Path) -> None:
+    (tmp_path / "given").mkdir()
+    for name in ("bob_set1.zip", "carl_set1.ipynb.zip", "dora.zip", "eva.zip"):
+        mac = {"__MACOSX/._set1.ipynb": "x"}
+        pack(tmp_path / "given" / name, {"set1.ipynb": json.dumps(tiny(1)), **mac})
+    told, _ = unpack(tmp_path / "given", tmp_path / "place")
+    found = submissions.find(tmp_path / "place", KNOWN)
+    assert told == []
+    assert [(this.student, this.reason) for this in found] == [
+        ("bob", ""), ("carl", ""), ("dora", ""), ("eva", "")
+    ]  # fmt: skip
+
+
+def test_nothing_of_an_archive_is_written_over_anything(tmp_path: Path) -> None:
+    given = write(tmp_path / "given", {"anna/set1.ipynb": "by hand"})
+    pack(given / "One.zip", {"anna/set1.ipynb": "1", "bo/set1.ipynb": "1"})
+    pack(given / "Two.zip", {"bo/set1.ipynb": "2"})
+    told, _ = unpack(given, tmp_path / "place")
+    assert told == [
+        "One.zip: 'anna/set1.ipynb' was left out: one of this name was there before",
+        "Two.zip: 'bo/set1.ipynb' was left out: one of this name was there before",
+    ]
+    assert (tmp_path / "place" / "anna" / "set1.ipynb").read_text("utf-8") == "by hand"
+    assert (tmp_path / "place" / "bo" / "set1.ipynb").read_text("utf-8") == "1"
+
+
 def test_no_link_is_unpacked(tmp_path: Path) -> None:
     link = zipfile.ZipInfo("a")
     link.external_attr = 0o120777 << 16
@@ -217,6 +243,27 @@ def test_what_a_student_has_packed_has_the_time_at_which_it_was_handed_in(tmp_pa
         [this] = submissions.find(place, KNOWN)
         assert this.handed_in is not None
         assert this.handed_in.replace(tzinfo=None) == datetime(2026, 11, 2, 13, 30)
+
+
+@pytest.mark.parametrize("name", [f"{ANNA}/work.zip", "bob_set1.zip", "dora.zip"])
+def test_a_student_who_packs_a_note_of_the_time_gains_nothing(name: str, tmp_path: Path) -> None:
+    path = tmp_path / "given" / name
+    path.parent.mkdir(parents=True)
+    pack(path, {"set1.ipynb": json.dumps(tiny(1)), "Timestamp.txt": "2020-01-01 12:00:00 UTC"})
+    moment = datetime(2026, 11, 2, 13, 30).timestamp()
+    os.utime(path, (moment, moment))
+    told, _ = unpack(tmp_path / "given", tmp_path / "place")
+    [this] = submissions.find(tmp_path / "place", KNOWN)
+    assert this.handed_in is not None and this.handed_in.timestamp() == moment
+    assert "'Timestamp.txt' was left out: the time of the archive counts" in told[0]
+
+
+def test_a_note_of_the_time_that_a_platform_gives_is_a_students_own(tmp_path: Path) -> None:
+    write(
+        tmp_path, {f"{ANNA}/set1.ipynb": tiny(1), f"{ANNA}/timestamp.txt": "2020-01-01 12:00 UTC"}
+    )
+    [this] = submissions.find(tmp_path, KNOWN)
+    assert this.handed_in is not None and this.handed_in.year > 2020
 
 
 # --- a class of sixty ---------------------------------------------------------------------------

@@ -17,8 +17,8 @@ import pytest
 import nrdob
 from attacks import ESCAPES, PRELUDE
 from handin import FORGERIES, NAME, handed
+from nrdob_course.grading import autograde, disk, sandbox, seccomp
 from nrdob_course.grading import command as exercises
-from nrdob_course.grading import disk, sandbox, seccomp
 from nrdob_course.grading.remarks import suspicious
 from problemsets import SETS
 
@@ -339,6 +339,16 @@ print(len(left), left[0].wait(60) is not None or not left[0].is_running())
         [sys.executable, "-c", program], capture_output=True, encoding="utf-8", check=True
     )
     assert done.stdout.split() == ["1", "True"]
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="only Linux limits the memory of a process")
+def test_a_page_that_takes_too_much_memory_is_given_up(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(autograde, "ready", lambda: None)
+    monkeypatch.setattr(autograde, "grade", lambda *any: {"page": len(bytearray(3 << 30))})
+    assert autograde.run(str(tmp_path), "anna", NAME) == 1
+    assert not (tmp_path / "result.json").exists()
 
 
 # --- what is read -------------------------------------------------------------------------------

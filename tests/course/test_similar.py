@@ -90,6 +90,11 @@ def test_code_that_does_not_parse_is_compared_as_text() -> None:
     assert found(anna=broken, bo=broken) == [("anna", "bo", ["answer-2-1"])]
 
 
+def test_a_number_too_long_for_ten_digits_is_compared() -> None:
+    long = notebook(ORIGINAL.replace("2 *", "0x" + "F" * 4000 + " *"))
+    assert found(anna=long, bo=long) == [("anna", "bo", ["answer-2-1"])]
+
+
 def test_a_pair_tells_how_much() -> None:
     [pair] = pairs({"a": notebook(ORIGINAL), "b": notebook(ORIGINAL)}, notebook(GIVEN_OUT))
     assert (pair["cells"], pair["share"]) == ("answer-2-1", "1")

@@ -22,6 +22,7 @@ from nrdob_course.grading import marks, submissions
         ({"a/set1.ipynb": 1, "a/set2.ipynb": 2}, ("set2",), ["a set2"]),
         ({"a/set1/set1.ipynb": 1}, (), ["a set1"]),
         ({"a_set1.ipynb": 1, "b-set-01.ipynb": 1}, (), ["a set1", "b set1 taken"]),
+        ({"a_set1/set1.ipynb": 1, "b_set1.zip": "x"}, (), ["a set1", "b set1 refused"]),
         ({"a/.ipynb_checkpoints/set1.ipynb": 1, "a/set1.ipynb": 1}, (), ["a set1"]),
         ({".git/set1.ipynb": 1, "__MACOSX/x.ipynb": 1, "a/set1.ipynb": 1}, (), ["a set1"]),
         # The cells tell what it is, whatever it is called.
@@ -29,6 +30,7 @@ from nrdob_course.grading import marks, submissions
         ({"a/homework.ipynb": 2}, (), ["a set2 taken"]),
         ({"a/set1.ipynb": 2}, (), ["a set2 taken"]),
         ({"a/set1.ipynb.txt": 1}, (), ["a set1 taken"]),
+        ({"a/SET1.IPYNB": 1}, (), ["a set1 taken"]),
         ({"a/deep/in/set1.ipynb": 1}, (), ["a set1 taken"]),
         # The proper name wins; without it nobody can choose.
         ({"a/set1.ipynb": 1, "a/old.ipynb": 1}, (), ["a set1 left out"]),
@@ -135,6 +137,7 @@ def test_strange_cells_are_repaired(cell: dict[str, Any], tmp_path: Path) -> Non
         ("GROUP = '7'", None),
         ("GROUP = True", None),
         ("GROUP = 7.5", None),
+        ("GROUP = 0x" + "F" * 4000, None),
         ("GROUP = seven", None),
         ("GROUP = (", None),
         ("GROUP == 7", None),

@@ -227,6 +227,35 @@ def test_pictures_are_in_the_page(school: Class, notebook: Any, tmp_path: Path) 
     assert 'src="data:image/png;base64,QUJD"' in text
 
 
+@pytest.mark.parametrize(
+    "shown",
+    ["![](attachment:a.png)", "![][r]", "![](attachment\\:a.png)", "![](attachment:lost.png)"],
+)
+def test_a_picture_is_in_the_page_once_however_often_it_is_shown(
+    shown: str, school: Class, notebook: Any, tmp_path: Path
+) -> None:
+    cell_of(notebook, WRITTEN[0]).source = shown * 4000 + "\n\n[r]: <attachment:a.png>"
+    cell_of(notebook, WRITTEN[0]).attachments = {"a.png": {"image/png": "QUJD" * 5000}}
+    write(tmp_path / "in", {f"anna/{NAME}.ipynb": of_group(notebook, 5)})
+    assert school.grade(tmp_path / "in") == 0
+    assert (school.target / "marking.html").read_text("utf-8").count("QUJD" * 5000) == 1
+
+
+def test_pictures_that_are_too_many_are_named_and_the_rest_is_graded(
+    school: Class, notebook: Any, tmp_path: Path
+) -> None:
+    write(tmp_path / "in", {f"anna/{NAME}.ipynb": of_group(notebook, 5)})
+    (tmp_path / "in" / "anna" / "small.png").write_bytes(b"XYZ")
+    with (tmp_path / "in" / "anna" / "huge.png").open("wb") as file:
+        file.truncate(60_000_000)
+    assert school.grade(tmp_path / "in") == 0
+    row = school.row("anna")
+    assert row["total"] == marks.number(CHECKED)
+    assert row["remarks"] == "huge.png was left out: the pictures have more than 50 MB"
+    pictures = (school.target / "submitted" / "anna" / NAME).glob("*.png")
+    assert [file.name for file in pictures] == ["small.png"]
+
+
 # --- what goes back -----------------------------------------------------------------------------
 
 
@@ -339,6 +368,16 @@ def test_a_regrade_changes_what_was_asked_for_and_nothing_else(
         ("Anna Müller", "2.3", "the grader erred"),
         *((name, "2.1", again) for name in NAMES),
     ]
+
+
+@pytest.mark.parametrize(
+    ("problem", "says"),
+    [("2.9", "nothing is graded of 2.9; there is 2.1, 2.2,"), ("9.1", "of 9.1; there is nothing")],
+)
+def test_a_regrade_of_no_problem_is_refused(graded: Class, problem: str, says: str) -> None:
+    given = ["regrade", "--problem", problem, "--why", "w", "--as-root"]
+    assert command.main([*given, "--output", str(graded.target)]) == 2
+    assert says in graded.said[0]
 
 
 # --- the class ----------------------------------------------------------------------------------

@@ -401,6 +401,7 @@ def main(arguments: list[str]) -> None:
     # Neither the teacher's own settings nor their history have a part in it.
     os.environ.update(IPYTHONDIR=str(root / "ipython"), JUPYTER_CONFIG_DIR=str(root / "jupyter"))
     sandbox.adopt_orphans()
+    sandbox.limit(2 << 30, 1 << 30)  # a text may show a picture for ever
     try:
         result = grade(root, student, set_name)
     finally:  # whatever the student's code has left running

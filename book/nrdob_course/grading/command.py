@@ -13,6 +13,7 @@ import shutil
 import sys
 import tempfile
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from io import TextIOWrapper
 from pathlib import Path
 from typing import Any
 
@@ -121,18 +122,17 @@ def hand_over(
 ) -> None:
     """Put a submission where nbgrader looks for it, repaired."""
     known = plan.find(submission.student, submission.owner.identifier)
+    place = target / "submitted" / records.folder_of(submission.student) / submission.set
     try:
         repair(submission, given_out, known.group if known else None)
+        if place.exists():
+            shutil.rmtree(place)
+        place.mkdir(parents=True)
+        nbformat.write(submission.notebook, place / f"{submission.set}.ipynb")
+        for picture in submission.pictures():
+            shutil.copy(picture, place)
     except Exception as error:  # whatever a file may hold
-        submission.reason = f"its cells cannot be read ({type(error).__name__}: {error})"
-        return
-    place = target / "submitted" / records.folder_of(submission.student) / submission.set
-    if place.exists():
-        shutil.rmtree(place)
-    place.mkdir(parents=True)
-    nbformat.write(submission.notebook, place / f"{submission.set}.ipynb")
-    for picture in submission.pictures:
-        shutil.copy(picture, place)
+        submission.reason = f"its cells cannot be read ({type(error).__name__}: {error!s:.200})"
 
 
 def run(ready: list[tuple[str, Submission]], target: Path, records: Records, jobs: int) -> None:
@@ -314,8 +314,11 @@ def regrade(
     chosen = [entry for entry in chosen if not sets or entry["set"] in sets]
     if unknown := set(students) - {entry["student"] for entry in chosen}:
         raise CourseError(f"nothing of {', '.join(sorted(unknown))} is graded there")
-    if not chosen:
-        raise CourseError(f"nothing is graded of {', '.join(problems)}")
+    with course(target).gradebook as gradebook:
+        there = {problem_of(g.name) for entry in chosen for g in grades_of(gradebook, entry)}
+    if (missing := set(problems) - there) or not there:
+        told, graded = (", ".join(sorted(each, key=marks.in_order)) for each in (missing, there))
+        raise CourseError(f"nothing is graded of {told}; there is {graded or 'nothing'}")
     released(target, {entry["set"] for entry in chosen})
     entries = {(entry["student"], entry["set"]): entry for entry in chosen}
     ready = [(entry["folder"], Submission(entry["student"], entry["set"])) for entry in chosen]
@@ -440,6 +443,8 @@ COMMANDS: dict[str, Callable[..., int]] = {
 
 def main(arguments: list[str] | None = None) -> int:
     """Run the command line; 0 if all is well, 1 if some could not be graded, 2 if nothing was."""
+    if isinstance(sys.stdout, TextIOWrapper):  # a terminal may lack a letter of a name
+        sys.stdout.reconfigure(errors="replace")
     given = vars(parse(arguments))
     command, as_root = given.pop("command"), given.pop("as_root", True)
     try:

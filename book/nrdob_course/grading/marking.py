@@ -20,11 +20,12 @@ from importlib.resources import files
 from pathlib import Path
 from statistics import mean, median
 from typing import Any
+from urllib.parse import unquote
 
 import nbformat
 from jinja2 import Environment, PackageLoader
 from markupsafe import Markup
-from nbconvert.filters.markdown_mistune import markdown2html_mistune
+from nbconvert.filters.markdown_mistune import IPythonRenderer, MarkdownWithMath
 from nbgrader.api import Gradebook
 
 from ..exercises import PROBLEMS
@@ -97,17 +98,14 @@ def _problem(source: Any, name: str, advice: Mapping[str, Any]) -> dict[str, Any
 
 def _answer(path: Path, entry: Record, grade: Any, gradebook: Gradebook) -> dict[str, Any]:
     pictures = dict(_pictures((path.parent / place_of(entry)).parent))
-    cell = dict(answers_of(path, entry)).get(grade.name)
-    text = cell.source if cell else ""
-    for name, held in (cell.get("attachments", {}) if cell else {}).items():
-        for mime, data in held.items() if isinstance(held, dict) else ():
-            text = text.replace(f"attachment:{name}", f"data:{mime};base64,{data}")
-    for name in [name for name in pictures if f"({name})" in text]:
-        text = text.replace(f"({name})", f"({pictures.pop(name)})")
+    cell = dict(answers_of(path, entry)).get(grade.name, {})
+    for name, held in cell.get("attachments", {}).items():
+        pictures |= {f"attachment:{name}": f"data:{kind};base64,{held[kind]}" for kind in held}
+    text = _shown(cell.get("source", ""), pictures)
     return {
         "code": entry["code"],
         "set": entry["set"],
-        "text": _shown(text),
+        "text": text,
         "pictures": list(pictures.values()),
         "most": number(grade.max_score),
         "points": number(grade.manual_score),
@@ -123,10 +121,22 @@ def _pictures(place: Path) -> Iterator[tuple[str, str]]:
             yield file.name, f"data:image/{kind};base64,{data}"
 
 
-def _shown(text: str) -> Markup:
-    """Convert Markdown to a piece of a page that does nothing but be read."""
-    html = re.sub(r"\A<p>(.*)</p>\Z", r"\1", markdown2html_mistune(text).strip())
-    return Markup(offline(html))
+class _Once(IPythonRenderer):
+    """Takes each of the pictures the first time that a text shows it: it may do so for ever."""
+
+    pictures: dict[str, str]
+
+    def image(self, text: str, url: str, title: str | None = None) -> str:
+        url = self.pictures.pop(unquote(url), url)
+        return str(super().image(text, "" if url.startswith("attachment:") else url, title))
+
+
+def _shown(text: str, pictures: dict[str, str] | None = None) -> Markup:
+    """Convert Markdown to a piece of a page that does nothing but be read; take what it shows."""
+    renderer = _Once(escape=False)
+    renderer.pictures = pictures or {}
+    html = str(MarkdownWithMath(renderer).render(text)).strip()
+    return Markup(offline(re.sub(r"\A<p>(.*)</p>\Z", r"\1", html)))
 
 
 # --- the class at a glance ----------------------------------------------------------------------

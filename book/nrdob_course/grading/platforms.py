@@ -18,7 +18,7 @@ from dataclasses import dataclass
 from os import utime
 from pathlib import Path, PurePosixPath
 
-__all__ = ["Owner", "owner_of", "pack", "packed", "unpacked"]
+__all__ = ["NOTE", "Owner", "owner_of", "pack", "packed", "unpacked"]
 
 MOODLE = re.compile(
     r"(?P<name>.+)_(?P<identifier>\d+)_assignsubmission_(?P<kind>[a-z]+)(?:_(?P<file>.*))?$"
@@ -27,6 +27,7 @@ CANVAS = re.compile(
     r"(?P<name>[^_]+)_(?P<late>LATE_)?(?P<identifier>\d+)_(?P<number>\d+)_(?P<file>.+)$", re.DOTALL
 )
 AGAIN = re.compile(r"-(\d+)(?=(\.\w+)*$)")
+NOTE = "timestamp.txt"  # of nbgrader, which has collected a file; elsewhere a student's own
 
 MOST_BYTES, MOST_FILES = 2_000_000_000, 20_000  # of all that an archive unpacks to
 ONE_FILE = 200_000_000
@@ -80,7 +81,9 @@ def unpacked(given: Path, place: Path) -> Iterator[str]:
 
     A zip that is no student's is taken as an export: what is in it lies beside the others.
     """
-    for path in [given] if given.is_file() else sorted(given.iterdir()):
+    listed = [given] if given.is_file() else sorted(given.iterdir())
+    # Archives come last, so that nothing of one is in the way of what lies beside it.
+    for path in sorted(listed, key=lambda path: path.suffix.lower() == ".zip"):
         if path.name.startswith((".", "__")):
             continue
         if path.is_symlink() and path != given:  # not followed: `find` says so
@@ -88,7 +91,7 @@ def unpacked(given: Path, place: Path) -> Iterator[str]:
         elif path.is_dir():
             shutil.copytree(path, place / path.name, symlinks=True, dirs_exist_ok=True)
         elif path.suffix.lower() == ".zip":
-            students = bool(owner_of(path.name) or STUDENTS.search(path.stem))
+            students = _is_students(path)
             left_out = list(_unzip(path, place / path.stem if students else place, students))
             if left_out and left_out[0].startswith(PACKED.format(path.name)):
                 shutil.copy2(path, place)
@@ -108,7 +111,16 @@ def unpacked(given: Path, place: Path) -> Iterator[str]:
             yield from (text if where == "." else f"{where}/{text}" for text in left_out)
 
 
-STUDENTS = re.compile(r"._set[\s_-]*\d", re.IGNORECASE)
+def _is_students(archive: Path) -> bool:
+    """Tell whether a student has packed it: its name says whose it is, or none within does."""
+    names = [archive.name]
+    with suppress(*BROKEN), zipfile.ZipFile(archive) as packed:
+        names += [n for n in packed.namelist() if ".ipynb" in n.lower() and n[0] not in "._"]
+    said = [name for name in names if owner_of(name) or STUDENTS.search(name)]
+    return archive.name in said or (not said and len(names) > 1)
+
+
+STUDENTS = re.compile(r"._set[\s_-]*\d|[/\\]", re.IGNORECASE)
 PACKED = "{} was not unpacked: "
 BROKEN = (ValueError, OSError, EOFError, zipfile.BadZipFile, zlib.error, RuntimeError)
 """What a broken archive leads to; NotImplementedError is a RuntimeError."""
@@ -126,7 +138,6 @@ def _unzip(archive: Path, place: Path, students: bool) -> Iterator[str]:
             entries = [entry for entry in packed.infolist() if not entry.is_dir()]
             if len(entries) > MOST_FILES or sum(e.file_size for e in entries) > MOST_BYTES:
                 raise ValueError("it holds too much")
-            done: set[str] = set()
             for entry in entries:
                 told = f"{archive.name}: {entry.filename!r} was left out: "
                 path = PurePosixPath(entry.filename.replace("\\", "/"))
@@ -134,9 +145,10 @@ def _unzip(archive: Path, place: Path, students: bool) -> Iterator[str]:
                     yield f"{told}it leads out of the archive"
                     continue
                 try:
-                    if entry.filename in done:
+                    if students and path.name.lower() == NOTE:
+                        raise ValueError("the time of the archive counts")
+                    if (place / path).exists():
                         raise ValueError("one of this name was there before")
-                    done.add(entry.filename)
                     steps = (place, *(place / step for step in (path, *path.parents)))
                     if any(step.is_symlink() for step in steps):
                         raise ValueError("a link stands in its way")

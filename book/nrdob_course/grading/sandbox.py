@@ -117,7 +117,7 @@ def build(workdir: Path, ports: Iterable[int]) -> None:
         os.close(ruleset)
 
 
-def limit(memory: int = MEMORY) -> None:
+def limit(memory: int = MEMORY, file_size: int = FILE_SIZE) -> None:
     """Limit what this process takes of the machine, where that is possible."""
     try:
         import resource
@@ -125,7 +125,7 @@ def limit(memory: int = MEMORY) -> None:
         return
     import psutil
 
-    limits = {"FSIZE": FILE_SIZE, "NOFILE": FILES, "CORE": 0, "MSGQUEUE": 0, "MEMLOCK": 0}
+    limits = {"FSIZE": file_size, "NOFILE": FILES, "CORE": 0, "MSGQUEUE": 0, "MEMLOCK": 0}
     limits["AS"] = psutil.Process().memory_info().vms + memory
     for name, most in limits.items():
         with suppress(AttributeError, ValueError, OSError):

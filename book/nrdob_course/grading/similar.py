@@ -114,6 +114,6 @@ def _symbols(tree: ast.AST) -> Iterator[str]:
             case ast.Attribute(attr=name):
                 yield f".{name}"
             case ast.Constant(value=value):
-                yield repr(value)[:40]
+                yield (hex(value) if type(value) is int else repr(value))[:40]  # however long
             case _:
                 yield type(node).__name__

@@ -12,6 +12,7 @@ from __future__ import annotations
 import ast
 import json
 import operator
+import os
 import re
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping
@@ -24,7 +25,7 @@ from typing import Any
 import nbformat
 from nbformat.v4 import new_code_cell, new_markdown_cell, new_notebook, new_raw_cell
 
-from .platforms import Owner, owner_of
+from .platforms import NOTE, Owner, owner_of
 from .remarks import parsed, suspicious
 from .roster import UNPLANNED, Course
 
@@ -33,13 +34,14 @@ __all__ = ["NOTHING", "Submission", "find", "group_of", "read", "repair", "writa
 Notebook = Any
 Cell = Any
 
-LARGEST, LONGEST_CELL = 200e6, 100_000
-"""Bytes of a file that is opened, and letters of a cell that is read."""
+LARGEST, MOST_VALUES, LONGEST_CELL = 50e6, 1_000_000, 100_000
+"""Bytes of a file that is opened, values in it that are read, and letters of a cell."""
 
 NEW_CELL: dict[str, Any] = {"code": new_code_cell, "markdown": new_markdown_cell}
 SET_IN_NAME = re.compile(r"set[\s_-]*0*(\d+)", re.IGNORECASE)
 STUDENT_IN_NAME = re.compile(r"(?P<student>.*[^\s_-])[\s_-]+set[\s_-]*\d+", re.IGNORECASE)
 PICTURES = {".png", ".jpg", ".jpeg", ".gif", ".svg"}
+MOST_PICTURES, TOO_MANY = 50e6, "the pictures have more than 50 MB"
 
 
 @dataclass
@@ -69,13 +71,17 @@ class Submission:
         """The student and the set, if it is known."""
         return f"{self.student} {self.set}".strip()
 
-    @property
-    def pictures(self) -> list[Path]:
-        """Pictures that lie beside the notebook, in a student's own folder."""
-        if self.path is None or self.shared:
-            return []
-        files = [file for file in sorted(self.path.parent.iterdir()) if not file.is_symlink()]
-        return [file for file in files if file.suffix.lower() in PICTURES and file.is_file()]
+    def pictures(self) -> Iterator[Path]:
+        """Give the pictures beside the notebook, in a student's own folder; remark the others."""
+        beside = self.path.parent.iterdir() if self.path and not self.shared else ()
+        room = MOST_PICTURES
+        for file in sorted(beside, key=lambda file: (file.lstat().st_size, file)):
+            if file.suffix.lower() in PICTURES and file.is_file() and not file.is_symlink():
+                room -= file.stat().st_size
+                if room >= 0:
+                    yield file
+                else:
+                    self.remarks.append(f"{_told(file.name)} was left out: {TOO_MANY}")
 
 
 # --- which files there are ----------------------------------------------------------------------
@@ -124,7 +130,7 @@ def find(
     submissions = []
     for student in students:
         own = [found for found in everything if found.student == student]
-        if own[0].path.name == student and own[0].path.is_file():  # nobody's
+        if own[0].name == student and own[0].path.is_file():  # nobody's
             submissions.append(Submission(student, own[0].set, own[0].path, reason=own[0].problem))
             continue
         empty = [found for found in own if not found.name]
@@ -184,41 +190,40 @@ def _files(folder: Path, course: Course) -> Iterator[tuple[Owner, str, Path]]:
 
 def _named(folder: Path) -> Iterator[tuple[Owner, str, Path]]:
     entries = [e for e in sorted(folder.iterdir()) if not e.name.startswith((".", "__"))]
-    files = [found[0] for entry in entries if (found := owner_of(entry.name))]
+    files = [found[0] for entry in entries if (found := owner_of(_told(entry.name)))]
     with_files = {(owner.student, owner.identifier) for owner in files if not owner.text}
     for entry in entries:
-        platform = owner_of(entry.name)
+        name = _told(entry.name)
+        match = STUDENT_IN_NAME.match(name)
+        owner, name = owner_of(name) or (Owner(match["student"] if match else name), name)
         if entry.is_symlink():
-            match = STUDENT_IN_NAME.match(entry.name)
-            mine = platform[0] if platform else Owner(match["student"] if match else entry.name)
-            yield mine, "", entry
-        elif platform and platform[0].text:  # a greeting beside the file
-            owner = platform[0]
+            yield owner, "", entry
+        elif owner.text:  # a greeting beside the file
             if (owner.student, owner.identifier) not in with_files:
                 yield owner, "", entry
         elif entry.is_dir():
-            owner = platform[0] if platform else Owner(entry.name)
             inside = [path for path in sorted(entry.rglob("*")) if _is_notebook(path, entry)]
-            yield from ((owner, path.name, path) for path in inside)
+            yield from ((owner, _told(path.name), path) for path in inside)
             if not inside:
                 yield owner, "", entry
-        elif platform:
-            owner, name = platform
-            yield owner, name if _is_notebook(entry, folder) else "", entry
         else:
-            match = STUDENT_IN_NAME.match(entry.name) if _is_notebook(entry, folder) else None
-            yield Owner(match["student"] if match else entry.name), entry.name, entry
+            yield owner, "" if owner.platform and not _is_notebook(entry, folder) else name, entry
+
+
+def _told(name: str) -> str:
+    """Give a name so that every table takes it, whatever the system has its bytes for."""
+    return os.fsencode(name).decode("utf-8", "backslashreplace")
 
 
 def _is_notebook(path: Path, top: Path) -> bool:
     hidden = any(part.startswith((".", "__")) for part in path.relative_to(top).parts)
-    return ".ipynb" in path.name and not hidden and (path.is_symlink() or path.is_file())
+    return ".ipynb" in path.name.lower() and not hidden and (path.is_symlink() or path.is_file())
 
 
 def _candidate(
     owner: Owner, name: str, path: Path, folder: Path, sets: Mapping[str, Notebook]
 ) -> _Candidate:
-    shown = path.relative_to(folder).as_posix()
+    shown = _told(path.relative_to(folder).as_posix())
     if path.is_symlink():
         named = _named_set(path.name, sets)
         return _Candidate(owner, path, name, shown, f"{shown}: {LINK}", set=named)
@@ -226,13 +231,13 @@ def _candidate(
         problem = "a text was typed into the platform, and no notebook handed in"
         return _Candidate(owner, path, "", shown, problem)
     if path.is_dir():
-        files = ", ".join(sorted(file.name for file in path.iterdir())[:3])
+        files = ", ".join(sorted(_told(file.name) for file in path.iterdir())[:3])
         problem = "there is no notebook in the folder" + (f", but {files}" if files else "")
         return _Candidate(owner, path, "", shown, problem)
     if not _is_notebook(path, folder):
         return _Candidate(owner, path, name, shown, "it is no notebook")
     notebook, problem = read(path)
-    if owner.student == path.name:
+    if owner.student == name:
         problem = problem or "the name of the file does not say whose it is"
     named = _named_set(name, sets) or _named_set(path.parent.name, sets)
     belongs = set_of(notebook, sets) or named
@@ -268,28 +273,28 @@ def _choose(student: str, name: str, found: list[_Candidate]) -> Submission:
     if submission.reason:
         return submission
     submission.notebook = chosen.notebook
-    submission.handed_in = _time_of(chosen.path)
-    submission.shared = chosen.path.name == chosen.shown
-    proper = [f"{student}{between}{name}.ipynb" for between in ("/", f"/{name}/", "_")]
+    submission.handed_in = _time_of(chosen)
+    submission.shared = "/" not in chosen.shown
+    proper = [f"{student}{between}{name}.ipynb" for between in ("/", f"/{name}/", "_", f"_{name}/")]
     if chosen.shown not in proper and not (chosen.owner.platform and exact):
         submission.remarks.append(f"taken from {chosen.shown}")
     submission.remarks += [f"{other} was left out" for other in others]
     if not submission.shared:
-        links = [path.name for path in sorted(chosen.path.parent.iterdir()) if path.is_symlink()]
-        submission.remarks += [f"{link} was left out: {LINK}" for link in links]
+        links = [path for path in sorted(chosen.path.parent.iterdir()) if path.is_symlink()]
+        submission.remarks += [f"{_told(link.name)} was left out: {LINK}" for link in links]
     if chosen.owner.late:
         submission.remarks.append("late, says Canvas")
     return submission
 
 
-def _time_of(path: Path) -> datetime | None:
+def _time_of(found: _Candidate) -> datetime | None:
     """Tell when a file was handed in: as nbgrader noted it, else by the time of the file."""
-    note = path.parent / "timestamp.txt"
+    note = found.path.parent / NOTE
     try:
-        if note.exists() and not note.is_symlink():
+        if not found.owner.platform and note.exists() and not note.is_symlink():
             text = note.read_text("utf-8").strip().removesuffix(" UTC")
             return datetime.fromisoformat(f"{text}+00:00" if "+" not in text else text)
-        return datetime.fromtimestamp(path.stat().st_mtime).astimezone()
+        return datetime.fromtimestamp(found.path.stat().st_mtime).astimezone()
     except (OSError, ValueError, OverflowError):
         return None
 
@@ -302,6 +307,8 @@ def read(path: Path) -> tuple[Notebook, str]:
         data = path.read_bytes()
         if not data.strip():
             return None, "the file is empty"
+        if sum(map(data.count, b",[{")) > MOST_VALUES:  # each takes far more memory than here
+            return None, "the file holds too much"
         text = data.decode("utf-16" if data[:2] in (b"\xff\xfe", b"\xfe\xff") else "utf-8-sig")
         content = writable(json.loads(text))
         if not isinstance(content, dict) or not {"cells", "worksheets"} & content.keys():
@@ -314,7 +321,7 @@ def read(path: Path) -> tuple[Notebook, str]:
     except json.JSONDecodeError as error:
         return None, f"the file is no valid JSON ({error})"
     except Exception as error:
-        return None, f"the file cannot be read ({type(error).__name__}: {error})"
+        return None, f"the file cannot be read ({type(error).__name__}: {error!s:.200})"
     return notebook, ""
 
 
@@ -434,7 +441,11 @@ def _recognised(notebook: Notebook, known: Mapping[str, Cell]) -> tuple[list[Cel
         if key:
             new.metadata = deepcopy(known[key].metadata)
         if kind == "markdown" and isinstance(cell.get("attachments"), dict):
-            new.attachments = cell.attachments  # a pasted photo of a page
+            new.attachments = {  # pasted photos of a page
+                name: {kind: _text(x) for kind, x in held.items() if kind.startswith("image/")}
+                for name, held in cell.attachments.items()
+                if isinstance(held, dict)
+            }
         cells.append(new)
     remarks = [f"more than once, the last counts: {', '.join(doubled)}"] if doubled else []
     if cut:
@@ -461,8 +472,8 @@ def group_of(cells: Iterable[Cell]) -> tuple[int | None, str]:
     if found is None:
         return None, "GROUP is not set"
     group = _computed(found)
-    if isinstance(group, int) and not isinstance(group, bool):
-        return group, ""
+    if type(group) is int:
+        return (group, "") if abs(group) < 10**9 else (None, "GROUP has more than nine digits")
     return None, f"GROUP is no whole number ({ast.unparse(found)[:40]})"
 
 
