@@ -304,8 +304,8 @@ def renamed(released: Path) -> Handed:
     this.group = ""
     given_out = cell_of(handed(released), "group").source.split()[2]
     this.remarks = (
-        "taken from renamed/my homework (2).ipynb; GROUP is no whole number (seven): ask for it; "
-        f"it was graded as {given_out}; kernel 'conda-env-control' replaced by 'python3'"
+        "taken from renamed/my homework (2).ipynb; kernel 'conda-env-control' replaced by 'python3'"
+        f"; GROUP is no whole number (seven): ask for it; it was graded as {given_out}"
     )
     return this
 

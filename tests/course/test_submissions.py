@@ -147,6 +147,43 @@ def test_the_group_is_read_from_the_code(source: str, group: int | None) -> None
     assert bool(problem) is (group is None)
 
 
+@pytest.mark.parametrize(
+    ("source", "roster", "used", "group", "remark"),
+    [
+        # Somebody else's, however it came about.
+        ("GROUP = 104\nGROUP -= 3", 104, ["101"], 101, "group 101, and 104 on the roster"),
+        ("GROUP = '101'", 105, ["101"], 101, "group 101, and 105 on the roster"),
+        ("GROUP = 103", None, ["103", "101"], 103, "answers for several groups: 103, 101"),
+        ("GROUP = 103", 103, ["103", "101"], 103, "answers for several groups: 103, 101"),
+        ("GROUP = 'x'", 105, ["x"], None, "group x, and 105 on the roster"),
+        # One's own, however it is written.
+        ("GROUP = int('106')", 106, ["106"], 106, ""),
+        ("GROUP = int('106')", None, ["106"], 106, ""),
+        ("GROUP = '101'", None, ["101"], 101, ""),
+        ("GROUP = 104\nGROUP -= 3", None, ["101"], 101, ""),
+        ("GROUP = 5", 5, [], 5, ""),
+        # Nobody's.
+        ("GROUP = x", None, ["1"], None, "whole number (x): ask for it; it was graded as 1"),
+        ("GROUP = 'x'", None, ["x"], None, "whole number ('x'): ask for it; it was graded as x"),
+        ("", None, ["1"], None, "GROUP is not set: ask for it; it was graded as 1"),
+        ("", 7, ["7"], 7, "GROUP is not set: on the roster it is 7"),
+        ("", 7, [], 7, "GROUP is not set: on the roster it is 7"),
+    ],
+)
+def test_the_group_is_remarked_for_which_answers_were_judged(
+    source: str, roster: int | None, used: list[str], group: int | None, remark: str, tmp_path: Path
+) -> None:
+    content = tiny(1)
+    content["cells"][0]["source"] = source
+    write(tmp_path, {"a/set1.ipynb": content})
+    [this] = submissions.find(tmp_path, KNOWN)
+    submissions.repair(this, KNOWN["set1"], roster)
+    assert not [told for told in this.remarks if "GROUP" in told or "group" in told]
+    submissions.remark_group(this, used)
+    assert this.group == group
+    assert len(this.remarks) == bool(remark) and "".join(this.remarks).endswith(remark)
+
+
 def test_folders_of_students_are_unique_and_no_patterns(tmp_path: Path) -> None:
     records = marks.Records(tmp_path / "submissions.json")
     names = ["Jörg Müller", "a[1]", "a*1*", "a_1", "..", "", "A_1", "../../etc"]

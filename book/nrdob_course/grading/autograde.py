@@ -80,7 +80,7 @@ REMARKS: list[str] = []
 
 FORK_SERVERS: list[Child] = []  # what starts kernels quickly, if there is one
 
-GROUPS: list[Any] = []  # the groups that the answers were given for
+GROUPS: list[str] = []  # the groups that the answers were given for
 
 
 class PatientExecute(Execute):  # type: ignore[misc]
@@ -126,7 +126,7 @@ class PatientExecute(Execute):  # type: ignore[misc]
             self.verdicts: dict[int, Any] = {}
             self.groups = [group_of(nb.cells)[0]]
             if not self.judging:
-                self.functions: dict[int, tuple[Feedback, Any]] = {}
+                self.functions: dict[int, tuple[Feedback, str]] = {}
                 GROUPS.clear()
             try:
                 with disk.workdir() as self.workdir:
@@ -375,7 +375,7 @@ def grade(root: Path, student: str, set_name: str) -> dict[str, Any]:
         comments = {comment.name: comment.auto_comment for comment in notebook.comments}
     write_feedback(api, student, set_name)
     remarks = list(dict.fromkeys(REMARKS))
-    groups = list(dict.fromkeys(group for group in GROUPS if type(group) is int))
+    groups = list(dict.fromkeys(GROUPS))
     return {"grades": grades, "comments": comments, "remarks": remarks, "groups": groups}
 
 

@@ -66,15 +66,16 @@ def hidden_test(source: str) -> HiddenTest | None:
     return None
 
 
-def look(test: HiddenTest, ask: Ask) -> tuple[Feedback, Any]:
+def look(test: HiddenTest, ask: Ask) -> tuple[Feedback, str]:
     """Judge an answer on the own case of the group that it was given for; give the group, too."""
     group = _value(ask(asking(test.group)))
-    if not isinstance(group, int | float):
-        group = str(group)[:50]
+    if isinstance(group, float) and group.is_integer():
+        group = int(group)
+    group = str(group)[:50]
     return judge_own(test.problem, _answer(test, ask), group), group
 
 
-def judge(test: HiddenTest, own: Feedback, group: Any, ask: Ask) -> Feedback:
+def judge(test: HiddenTest, own: Feedback, group: str, ask: Ask) -> Feedback:
     """Judge an answer on the hidden cases, too, after a `look` at it."""
     return judge_all(test.problem, _answer(test, ask), group, test.settings["seed"], own)
 

@@ -14,7 +14,7 @@ import json
 import operator
 import re
 from collections import Counter
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from copy import deepcopy
 from dataclasses import dataclass, field, replace
 from datetime import datetime
@@ -28,7 +28,9 @@ from .platforms import Owner, owner_of
 from .remarks import parsed, suspicious
 from .roster import UNPLANNED, Course
 
-__all__ = ["NOTHING", "Submission", "find", "group_of", "read", "repair", "writable"]
+__all__ = [
+    "NOTHING", "Submission", "find", "group_of", "read", "remark_group", "repair", "writable",
+]  # fmt: skip
 
 Notebook = Any
 Cell = Any
@@ -46,9 +48,10 @@ PICTURES = {".png", ".jpg", ".jpeg", ".gif", ".svg"}
 class Submission:
     """What a student handed in for a set.
 
-    ``reason`` says why it cannot be graded; it is empty if it can. ``assumed`` is the group that
-    was put in where the student gave none; ``suspicious`` says that its code does what no answer
-    needs; ``shared``, that the folder is not the student's own.
+    ``reason`` says why it cannot be graded; it is empty if it can. ``assigned`` is the group that
+    the roster has; ``assumed``, the one that was put in where the student gave none, and ``doubt``
+    says so; ``suspicious`` says that its code does what no answer needs; ``shared``, that the
+    folder is not the student's own.
     """
 
     student: str
@@ -60,7 +63,9 @@ class Submission:
     reason: str = ""
     owner: Owner = field(default_factory=lambda: Owner(""))
     handed_in: datetime | None = None
+    assigned: int | None = None
     assumed: int | None = None
+    doubt: str = ""
     suspicious: bool = False
     shared: bool = False
 
@@ -381,10 +386,11 @@ def repair(submission: Submission, released: Notebook, assigned: int | None = No
     if changed:
         remarks.append(f"restored: {_listed(changed)}")
 
-    submission.group, problem = group_of(cells)
+    submission.group, submission.doubt = group_of(cells)
     if submission.group == 0:  # nobody's: so it may be given out
-        submission.group, problem = None, "GROUP is not set"
-    if problem:
+        submission.group, submission.doubt = None, NOT_SET
+    submission.assigned = assigned
+    if submission.doubt:
         given_out = group_of([group_cell])[0]
         submission.assumed = given_out if assigned is None else assigned
         source = f"GROUP = {submission.assumed}"
@@ -392,10 +398,6 @@ def repair(submission: Submission, released: Notebook, assigned: int | None = No
         for cell in cells[1:]:
             if cell.id == group_cell.id and cell.source.strip() == group_cell.source.strip():
                 cell.source = source
-        whose = "ask for it; it was graded as" if assigned is None else "on the roster it is"
-        remarks.append(f"{problem}: {whose} {submission.assumed}")
-    elif assigned is not None and submission.group != assigned:
-        remarks.append(f"group {submission.group}, and {assigned} on the roster")
     name = _within(submission.notebook, "metadata", "kernelspec", "name")
     if name not in (None, "python3"):
         remarks.append(f"kernel {name!r} replaced by 'python3'")
@@ -448,6 +450,9 @@ def _text(source: Any) -> str:
     return source if isinstance(source, str) else ""
 
 
+NOT_SET, NO_NUMBER = "GROUP is not set", "GROUP is no whole number"
+
+
 def group_of(cells: Iterable[Cell]) -> tuple[int | None, str]:
     """Find the group's number; the second says what is wrong with it, empty if nothing is."""
     found: Any = None
@@ -459,11 +464,36 @@ def group_of(cells: Iterable[Cell]) -> tuple[int | None, str]:
             case ast.AnnAssign(target=target, value=value) if _is_group(target):
                 found = value
     if found is None:
-        return None, "GROUP is not set"
+        return None, NOT_SET
     group = _computed(found)
     if isinstance(group, int) and not isinstance(group, bool):
         return group, ""
-    return None, f"GROUP is no whole number ({ast.unparse(found)[:40]})"
+    return None, f"{NO_NUMBER} ({ast.unparse(found)[:40]})"
+
+
+def remark_group(submission: Submission, used: Sequence[str]) -> None:
+    """Remark the groups for which answers were judged, where somebody should ask.
+
+    Code can change GROUP in more ways than can be read; before anything was judged, what was read
+    counts.
+    """
+    read = submission.assumed if submission.group is None else submission.group
+    group, *others = used or [str(read)]
+    if others:
+        submission.remarks.append(f"answers for several groups: {', '.join(used)}")
+        return
+    assigned, nobodys = submission.assigned, group == str(submission.assumed)
+    is_number = re.fullmatch(r"-?\d+", group)
+    if assigned is not None or not nobodys:
+        submission.group = int(group) if is_number else None
+    if assigned is None:
+        if nobodys or not is_number:
+            doubt = submission.doubt or NO_NUMBER
+            submission.remarks.append(f"{doubt}: ask for it; it was graded as {group}")
+    elif group != str(assigned):
+        submission.remarks.append(f"group {group}, and {assigned} on the roster")
+    elif submission.doubt == NOT_SET:
+        submission.remarks.append(f"{NOT_SET}: on the roster it is {assigned}")
 
 
 def _is_group(target: ast.expr) -> bool:
