@@ -11,10 +11,10 @@ from __future__ import annotations
 
 import ast
 import json
-import operator
 import re
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import suppress
 from copy import deepcopy
 from dataclasses import dataclass, field, replace
 from datetime import datetime
@@ -465,9 +465,9 @@ def group_of(cells: Iterable[Cell]) -> tuple[int | None, str]:
                 found = value
     if found is None:
         return None, NOT_SET
-    group = _computed(found)
-    if isinstance(group, int) and not isinstance(group, bool):
-        return group, ""
+    with suppress(ValueError, TypeError, RecursionError):
+        if type(group := ast.literal_eval(found)) is int:
+            return group, ""
     return None, f"{NO_NUMBER} ({ast.unparse(found)[:40]})"
 
 
@@ -498,21 +498,3 @@ def remark_group(submission: Submission, used: Sequence[str]) -> None:
 
 def _is_group(target: ast.expr) -> bool:
     return isinstance(target, ast.Name) and target.id == "GROUP"
-
-
-def _computed(expression: ast.expr) -> Any:
-    """Compute a literal, or a sum or product of whole numbers."""
-    match expression:
-        case ast.Constant(value=value):
-            return value
-        case ast.UnaryOp(op=ast.USub(), operand=operand):
-            value = _computed(operand)
-            return -value if type(value) is int else None
-        case ast.BinOp(left=left, op=ast.Add() | ast.Sub() | ast.Mult() as sign, right=right):
-            first, second = _computed(left), _computed(right)
-            if type(first) is type(second) is int:
-                return SIGNS[type(sign)](first, second)
-    return None
-
-
-SIGNS = {ast.Add: operator.add, ast.Sub: operator.sub, ast.Mult: operator.mul}
