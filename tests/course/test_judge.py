@@ -9,28 +9,32 @@ import subprocess
 import sys
 import time
 import traceback
+from collections import ChainMap, UserDict
 from collections.abc import Iterator
 from functools import partial
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
 import control as ct
 import IPython.display
+import mpmath
 import nbformat
 import numpy as np
 import pytest
 import sympy
 from nbgrader.preprocessors import Execute
+from scipy import signal
 
 import nrdob
 from nrdob import LowPassFilter
-from nrdob_course.exercises import PROBLEMS, Feedback, score
-from nrdob_course.grading import encoding
+from nrdob_course import encoding
+from nrdob_course.encoding import decode, encode
+from nrdob_course.exercises import PROBLEMS, Feedback, check, score
 from nrdob_course.grading.autograde import PatientExecute
-from nrdob_course.grading.encoding import decode, encode
 from nrdob_course.grading.handout import handout
 from nrdob_course.grading.judge import HiddenTest, apart, asking, hidden_test, judge, look
-from problemsets import SETS, SOURCE, posed, run
+from problemsets import SETS, SOURCE, posed, published, run
 
 s = ct.tf("s")
 
@@ -113,10 +117,51 @@ def test_a_loop_comes_back_as_its_four_blocks_and_is_judged_anew() -> None:
         (map(float, "12"), [1.0, 2.0]),
         ({"gain": 1, "lag": 2}.values(), [1, 2]),
         (zip("ab", (1, 2), strict=True), [("a", 1), ("b", 2)]),
+        (sympy.sqrt(4), 2),
+        (sympy.sqrt(2), 2**0.5),
+        (sympy.sqrt(2) + sympy.Float(1e-20) * sympy.I, 2**0.5 + 1e-20j),
+        (sympy.Matrix([[2]]), [[2]]),
+        (mpmath.mpc(2, 3), 2 + 3j),
+        (np.longdouble(2), 2),
+        (np.clongdouble(2j), 2j),
+        (np.array(sympy.Integer(2), dtype=object), 2),
+        (UserDict(N=1), {"N": 1}),
+        (ChainMap({"N": 1}, {"P": np.longdouble(2)}), {"N": 1, "P": 2}),
+        (MappingProxyType({"N": 1}), {"N": 1}),
     ],
 )
 def test_numbers_and_lists_of_other_kinds_are_read(value: Any, same: Any) -> None:
     assert there_and_back(value) == same
+
+
+@pytest.mark.parametrize(
+    ("value", "shape"),
+    [
+        (np.ones((1, 2)).view(np.matrix), (1, 2)),
+        (np.full((1, 1, 1), 3.0), ()),
+        ((1 / (s + 2)).horner(0), ()),
+    ],
+)
+def test_what_has_more_axes_than_numbers_is_read(value: Any, shape: tuple[int, ...]) -> None:
+    back = there_and_back(value)
+    assert type(back) is np.ndarray and back.shape == shape
+    assert np.array_equal(np.ravel(back), np.ravel(np.asarray(value)))
+
+
+@pytest.mark.parametrize(
+    "block",
+    [
+        signal.lti([2.0], [1.0, 3.0]),
+        signal.TransferFunction([2.0], [1.0, 3.0]),
+        signal.ZerosPolesGain([], [-3.0], 2.0),
+        signal.StateSpace([[-3.0]], [[1.0]], [[2.0]], [[0.0]]),
+    ],
+)
+def test_blocks_of_scipy_are_read_alone_and_in_a_loop(block: Any) -> None:
+    loop = there_and_back(nrdob.NRDOB(block, block, 1.0, LowPassFilter(0.5, 1)))
+    for back in (there_and_back(block), loop.process, loop.model):
+        assert isinstance(back, ct.TransferFunction)
+        assert np.isclose(back(1j), 2 / (3 + 1j))
 
 
 @pytest.mark.parametrize("value", [object(), {1}, lambda: 1, np.array([object()])[0], b"x"])
@@ -242,6 +287,27 @@ def test_what_goes_wrong_is_told_as_the_check_tells_it(
     assert found.share == 0
     assert says in found.text
     assert "raise type" not in found.text
+
+
+@pytest.mark.parametrize(
+    ("dress", "share"),
+    [
+        (np.longdouble, 1),
+        (lambda turns: np.full((1, 1, 1), turns), 1),
+        (lambda turns: np.array(sympy.Integer(turns), dtype=object), 1),
+        (lambda turns: {turns}, 0),
+        (lambda turns: str(turns).encode(), 0),
+        (lambda turns: [[turns] * (encoding.MOST + 1)], 0),
+    ],
+)
+def test_the_check_says_right_where_the_grading_does(dress: Any, share: int, kernel: Any) -> None:
+    right = published(posed(SOURCE / "set2" / "set2.ipynb")[0], 5)
+
+    def encirclements(case: Any) -> Any:
+        return dress(right(case))
+
+    found, _ = judged(TEST, kernel({"encirclements": encirclements, "GROUP": 5}))
+    assert (check("2.1", encirclements, 5).share, found.share) == (share, share), found.text
 
 
 def test_a_tampered_grader_gives_no_points(kernel: Any, monkeypatch: pytest.MonkeyPatch) -> None:

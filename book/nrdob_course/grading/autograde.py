@@ -42,9 +42,9 @@ from nbgrader.utils import is_grade, is_solution, temp_attrs
 from traitlets.config import Config
 from traitlets.config.loader import PyFileConfigLoader
 
-from .. import exercises
+from .. import encoding, exercises
 from ..exercises import Feedback, Points
-from . import disk, encoding, sandbox
+from . import disk, sandbox
 from .children import Child, Provisioner, end, serve
 from .feedback import offline
 from .handout import handout, own_cases

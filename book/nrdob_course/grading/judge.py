@@ -22,9 +22,10 @@ from functools import partial
 from multiprocessing.connection import Connection
 from typing import Any, TypeVar
 
+from .. import encoding
+from ..encoding import LONGEST_TEXT, decode, packed
 from ..exercises import Feedback, judge_all, judge_own
 from . import sandbox
-from .encoding import LONGEST_TEXT, decode, packed
 
 __all__ = ["Ask", "HiddenTest", "Stopped", "apart", "hidden_test", "judge", "look"]
 
@@ -135,8 +136,8 @@ def _work_there(work: Callable[[Ask], Any], pipe: Connection) -> None:
 
 def asking(expression: str, case: str = "") -> str:
     """Write what the student's process is to run."""
-    module = f"{__package__}.encoding"
-    return f"__import__({module!r}, fromlist=['tell']).tell({expression}, {case!r})"
+    tell = f"__import__({encoding.__name__!r}, fromlist=['tell']).tell"
+    return f"{tell}({expression}, {case!r})"
 
 
 def _called(ask: Ask, expression: str, case: Any) -> Any:

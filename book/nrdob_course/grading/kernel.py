@@ -32,9 +32,9 @@ from matplotlib.mathtext import MathTextParser
 
 import nrdob.plotting  # noqa: F401
 
+from ..encoding import HANDOUT
 from . import sandbox
 from .children import serve
-from .encoding import HANDOUT
 
 __all__ = ["AnotherGroupError", "Graders", "Note", "leave", "main"]
 
