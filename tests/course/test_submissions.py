@@ -123,6 +123,40 @@ def test_strange_cells_are_repaired(cell: dict[str, Any], tmp_path: Path) -> Non
     assert this.group == 1
 
 
+ORDERS = {
+    "group answer=right check": ("group answer=right check", ""),
+    "group own=old answer=right check own=show": ("group own=old answer=right check own=show", ""),
+    "group answer=wrong check answer=right": ("group own=wrong answer=right check", "order"),
+    "group check own=help answer=right": ("group answer=right check own=help", "order"),
+    "own=first answer=right group check": ("own=first group answer=right check", "order"),
+    "group own=pasted check": ("group answer=blank own=pasted check", "put back: answer-1-1"),
+}
+"""Cells as they were handed in; as they are taken, and what is remarked."""
+
+
+@pytest.mark.parametrize("handed", ORDERS)
+def test_cells_are_put_into_the_order_in_which_they_were_given_out(
+    handed: str, tmp_path: Path
+) -> None:
+    content = tiny(1)
+    group, check = content["cells"]
+    answer = {**group, "id": "answer-1-1", "source": "blank"}
+    content["cells"] = [group, answer, check]
+    released = nbformat.from_dict(content)
+    cells = {"group": group, "answer": answer, "check": check, "own": {**answer, "id": "x"}}
+    content["cells"] = [
+        {**cells[name], "source": source} if source else cells[name]
+        for name, _, source in (word.partition("=") for word in handed.split())
+    ]
+    write(tmp_path, {"a/set1.ipynb": content})
+    [this] = submissions.find(tmp_path, {"set1": released})
+    submissions.repair(this, released)
+    found = [f"{cell.id.partition('-')[0]}={cell.source}" for cell in this.notebook.cells]
+    taken, remark = ORDERS[handed]
+    assert " ".join(found).replace("=GROUP = 1", "").replace("check=", "check") == taken
+    assert bool(this.remarks) == bool(remark) and remark in "; ".join(this.remarks)
+
+
 @pytest.mark.parametrize(
     ("source", "group"),
     [

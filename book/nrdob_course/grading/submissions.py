@@ -18,6 +18,7 @@ from contextlib import suppress
 from copy import deepcopy
 from dataclasses import dataclass, field, replace
 from datetime import datetime
+from operator import itemgetter
 from pathlib import Path
 from typing import Any
 
@@ -366,8 +367,8 @@ def repair(submission: Submission, released: Notebook, assigned: int | None = No
     """Build the notebook anew from the student's text and the released cells' metadata.
 
     Nothing else of the file is kept: no outputs, no settings. Cells of the set that are gone come
-    back as they were given out, doubled ones count once, locked ones that were changed are
-    remarked (nbgrader restores their text). `assigned` is the group that the roster has.
+    back as they were given out, doubled ones count once, all stand in their order, locked ones that
+    were changed are remarked (nbgrader restores their text). `assigned` is the group that the roster has.
     """
     known = {cell.id: cell for cell in released.cells}
     cells, remarks = _recognised(submission.notebook, known)
@@ -380,6 +381,9 @@ def repair(submission: Submission, released: Notebook, assigned: int | None = No
             cells.insert(next(before, 0), deepcopy(cell))
     if missing:
         remarks.append(f"put back: {_listed(missing)}")
+    if (ordered := _in_order(cells, [*known])) != cells:
+        cells = ordered
+        remarks.append("cells were put back into the order in which they were given out")
     is_locked = [c for c in released.cells if _within(c, "metadata", "nbgrader", "locked")]
     locked = {cell.id: cell.source for cell in is_locked}
     changed = [cell.id for cell in cells if locked.get(cell.id, cell.source) != cell.source]
@@ -408,6 +412,15 @@ def repair(submission: Submission, released: Notebook, assigned: int | None = No
 
     submission.notebook = new_notebook(cells=cells, metadata=deepcopy(released.metadata))
     submission.remarks += remarks
+
+
+def _in_order(cells: list[Cell], names: list[str]) -> list[Cell]:
+    """Put the cells of a set into their order, and those of one's own behind the same as before."""
+    at, keyed = -1, []
+    for cell in cells:
+        at = names.index(cell.id) if cell.id in names else at
+        keyed.append((at, cell))
+    return [cell for _, cell in sorted(keyed, key=itemgetter(0))]
 
 
 def _listed(names: list[str]) -> str:
