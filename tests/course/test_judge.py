@@ -460,6 +460,22 @@ def test_a_kernel_whose_ports_were_taken_is_started_again(
     assert len(tried) == starts
 
 
+def test_the_clock_is_as_patient_with_the_cell_of_an_answer_as_with_its_function(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    allowed: list[tuple[float, str]] = []
+
+    def execute(self: Any, cell: Any, resources: Any, index: int) -> None:
+        allowed.append((self.timeout, self.error_on_timeout["evalue"]))
+
+    monkeypatch.setattr(Execute, "preprocess_cell", execute)
+    runs = PatientExecute(timeout=5)
+    runs.nb = nbformat.v4.new_notebook(cells=[nbformat.v4.new_code_cell()])
+    runs.run_cell(runs.nb.cells[0], {}, 0)
+    assert allowed == [(8, "took longer than the 5 s that the set allows")]
+    assert runs.timeout == 5
+
+
 def test_what_breaks_one_kernel_after_the_other_has_no_say(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

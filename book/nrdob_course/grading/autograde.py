@@ -205,7 +205,8 @@ class PatientExecute(Execute):  # type: ignore[misc]
     def run_cell(self, cell: Any, resources: Any, index: int) -> None:
         """Execute one cell; what it put out stays, if it has the form of an output."""
         self.size = 0
-        with temp_attrs(self, error_on_timeout=slow(self.timeout)):
+        patient = ceil(PATIENCE * self.timeout)
+        with temp_attrs(self, timeout=patient, error_on_timeout=slow(self.timeout)):
             super().preprocess_cell(cell, resources, index)
         self.nb.cells[index] = cell
         if cell.cell_type == "code":
