@@ -11,6 +11,7 @@ import time
 import traceback
 from collections import ChainMap, UserDict
 from collections.abc import Iterator
+from dataclasses import fields
 from functools import partial
 from pathlib import Path
 from types import MappingProxyType
@@ -31,9 +32,11 @@ from nrdob import LowPassFilter
 from nrdob_course import encoding
 from nrdob_course.encoding import decode, encode
 from nrdob_course.exercises import PROBLEMS, Feedback, check, score
-from nrdob_course.grading.autograde import PatientExecute
+from nrdob_course.grading import autograde
+from nrdob_course.grading.autograde import PatientExecute, failure
 from nrdob_course.grading.handout import handout
 from nrdob_course.grading.judge import HiddenTest, apart, asking, hidden_test, judge, look
+from nrdob_course.grading.kernel import AnotherGroupError, Graders, Note
 from problemsets import SETS, SOURCE, posed, published, run
 
 s = ct.tf("s")
@@ -474,6 +477,48 @@ def test_the_clock_is_as_patient_with_the_cell_of_an_answer_as_with_its_function
     runs.run_cell(runs.nb.cells[0], {}, 0)
     assert allowed == [(8, "took longer than the 5 s that the set allows")]
     assert runs.timeout == 5
+
+
+@pytest.fixture
+def runner(monkeypatch: pytest.MonkeyPatch) -> PatientExecute:
+    """Runs cells in this process, where they find what was handed out for problem 2.1."""
+    runs, graders = PatientExecute(), Graders(handout(["2.1"], 5))
+    runs.problems, runs.groups, runs.left_out = ["2.1"], [5], {}
+    runs.nb = nbformat.v4.new_notebook(cells=[nbformat.v4.new_code_cell()])
+
+    def execute(self: Any, cell: Any, resources: Any, index: int) -> None:
+        cell.outputs = []
+        try:
+            exec(cell.source, {"own_case": graders.own_case})
+        except AnotherGroupError as error:
+            cell.outputs = [failure(type(error).__name__, str(error))]
+
+    def execute_ours(self: Any, cell: Any, index: int) -> None:
+        eval(cell.source.partition(").")[2], {"add": graders.add})
+
+    monkeypatch.setattr(Execute, "preprocess_cell", execute)
+    monkeypatch.setattr(Execute, "execute_cell", execute_ours)
+    monkeypatch.setattr(autograde, "REMARKS", [])
+    return runs
+
+
+@pytest.mark.parametrize(("groups", "said"), [(6, ""), (9, ""), (10, "asks for more groups")])
+def test_an_answer_may_be_tried_on_the_cases_of_other_groups(
+    groups: int, said: str, runner: PatientExecute
+) -> None:
+    source = f"[own_case('2.1', group) for group in range(60, {60 + groups})]"
+    cell = nbformat.v4.new_code_cell(source, id="answer-2-1")
+    runner.preprocess_cell(cell, {}, 0)
+    assert [out.evalue for out in cell.outputs if said not in out.evalue] == []
+    assert len(cell.outputs) == len(autograde.REMARKS) == bool(said)
+    assert all(remark.startswith(f"answer-2-1 {said}") for remark in autograde.REMARKS)
+
+
+def test_what_the_check_gives_while_it_is_graded_can_be_asked_like_feedback() -> None:
+    note = Note("not now")
+    for field in fields(Feedback):
+        assert type(getattr(note, field.name)) is type(getattr(Feedback(0.0, "x"), field.name))
+    assert (note.text, repr(note)) == ("not now", "not now")
 
 
 def test_what_breaks_one_kernel_after_the_other_has_no_say(

@@ -368,7 +368,7 @@ def repair(submission: Submission, released: Notebook, assigned: int | None = No
 
     Nothing else of the file is kept: no outputs, no settings. Cells of the set that are gone come
     back as they were given out, doubled ones count once, all stand in their order, locked ones that
-    were changed are remarked (nbgrader restores their text). `assigned` is the group that the roster has.
+    were changed are remarked (nbgrader restores their text). `assigned` is the roster's group.
     """
     known = {cell.id: cell for cell in released.cells}
     cells, remarks = _recognised(submission.notebook, known)
