@@ -289,6 +289,7 @@ def tampered(released: Path) -> Handed:
         [
             f"more than once, the last counts: {double.id}",
             f"put back: {answer_cell(first)}, {second.cell.id}",
+            "cells were put back into the order in which they were given out",
             f"restored: {first.cell.id}",
             f"GROUP is not set: ask for it; it was graded as {given_out}",
         ]

@@ -2,9 +2,8 @@
 
 One reader for all problems, so that a right answer is never refused for how it is written: as a
 list, an array, a text or a dictionary, ``[x]`` or ``x``, "0,173", a complex number without
-imaginary part, an object of python-control, or a polynomial of NumPy's. What other libraries make
-has become one of these on its way here, see `nrdob_course.encoding`. What cannot be read is refused
-with a word of advice.
+imaginary part, an object of python-control or a polynomial, see also `nrdob_course.encoding`. What
+cannot be read is refused with a word of advice.
 """
 
 from __future__ import annotations

@@ -35,10 +35,7 @@ FOUND = [str(Path(module.__file__ or "").resolve().parents[1]) for module in (nr
 
 @dataclass
 class Outcome:
-    """What came of one submission: points by cell, or the reason why there are none.
-
-    ``groups`` are those for which its answers were judged.
-    """
+    """What came of one submission: points by cell, and for which groups, or why there are none."""
 
     submission: Submission
     grades: dict[str, float | None] = field(default_factory=dict)

@@ -70,9 +70,8 @@ def hidden_test(source: str) -> HiddenTest | None:
 def look(test: HiddenTest, ask: Ask) -> tuple[Feedback, str]:
     """Judge an answer on the own case of the group that it was given for; give the group, too."""
     group = _value(ask(asking(test.group)))
-    if isinstance(group, float) and group.is_integer():
-        group = int(group)
-    group = str(group)[:50]
+    is_whole = isinstance(group, float) and group.is_integer()
+    group = str(int(group) if is_whole else group)[:50]
     return judge_own(test.problem, _answer(test, ask), group), group
 
 

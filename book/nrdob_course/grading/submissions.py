@@ -105,6 +105,7 @@ class _Candidate:
 NOTHING = "nothing was handed in"
 UNCLEAR = "another of this name is on the roster, and what was handed in says not whose it is"
 LINK = "it is a link, and links are not followed"
+NOT_SET, NO_NUMBER = "GROUP is not set", "GROUP is no whole number"
 NAMELESS = (
     "none of its cells has the name that it had when the set was given out, as if they were copied "
     "into another notebook: ask for the answers in the one that was given out"
@@ -463,18 +464,15 @@ def _text(source: Any) -> str:
     return source if isinstance(source, str) else ""
 
 
-NOT_SET, NO_NUMBER = "GROUP is not set", "GROUP is no whole number"
-
-
 def group_of(cells: Iterable[Cell]) -> tuple[int | None, str]:
     """Find the group's number; the second says what is wrong with it, empty if nothing is."""
     found: Any = None
     trees = [parsed(cell.source) for cell in cells if cell.cell_type == "code"]
     for statement in (each for tree in trees if tree for each in tree.body):
         match statement:
-            case ast.Assign(targets=targets, value=value) if any(map(_is_group, targets)):
+            case ast.Assign([ast.Name("GROUP"), *_] | [*_, ast.Name("GROUP")], value):
                 found = value
-            case ast.AnnAssign(target=target, value=value) if _is_group(target):
+            case ast.AnnAssign(target=ast.Name("GROUP"), value=value):
                 found = value
     if found is None:
         return None, NOT_SET
@@ -485,11 +483,7 @@ def group_of(cells: Iterable[Cell]) -> tuple[int | None, str]:
 
 
 def remark_group(submission: Submission, used: Sequence[str]) -> None:
-    """Remark the groups for which answers were judged, where somebody should ask.
-
-    Code can change GROUP in more ways than can be read; before anything was judged, what was read
-    counts.
-    """
+    """Remark for which groups answers were judged, or if none was, what was read of them."""
     read = submission.assumed if submission.group is None else submission.group
     group, *others = used or [str(read)]
     if others:
@@ -507,7 +501,3 @@ def remark_group(submission: Submission, used: Sequence[str]) -> None:
         submission.remarks.append(f"group {group}, and {assigned} on the roster")
     elif submission.doubt == NOT_SET:
         submission.remarks.append(f"{NOT_SET}: on the roster it is {assigned}")
-
-
-def _is_group(target: ast.expr) -> bool:
-    return isinstance(target, ast.Name) and target.id == "GROUP"
