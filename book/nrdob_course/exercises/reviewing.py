@@ -147,9 +147,9 @@ class _Tried:
 def _tried(problem: Problem, case: Case, given: Any) -> _Tried:
     got = None
     try:
-        is_function = callable(given) and not isinstance(given, BLOCKS)
-        # When it is graded it comes out of another process.
-        sent = given if is_function else _quietly(decode, _quietly(encode, given))
+        # When it is graded it comes out of another process, but for functions in a value's place.
+        stays = problem.own and callable(given) and not isinstance(given, BLOCKS)
+        sent = given if stays else _quietly(decode, _quietly(encode, given))
         got = _quietly(problem.reads, sent)
         lack = _quietly(problem.lacks, case, got)
     except Exception as error:

@@ -490,7 +490,7 @@ def remark_group(submission: Submission, used: Sequence[str]) -> None:
         submission.remarks.append(f"answers for several groups: {', '.join(used)}")
         return
     assigned, nobodys = submission.assigned, group == str(submission.assumed)
-    is_number = re.fullmatch(r"-?\d+", group)
+    is_number = re.fullmatch(r"-?\d{1,9}", group)
     if assigned is not None or not nobodys:
         submission.group = int(group) if is_number else None
     if assigned is None:
