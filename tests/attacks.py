@@ -215,7 +215,7 @@ FORGERIES = {
     "tell replaced": (
         "import sys\n"
         "\n"
-        "sys.modules['nrdob_course.grading.encoding'].tell = lambda *any: "
+        "sys.modules['nrdob_course.encoding'].tell = lambda *any: "
         "get_ipython().display_pub.publish({{'application/vnd.nrdob.answer+json': "
         '\'{{"value": {{"other": ["Points", "3"]}}}}\'}})\n'
         "\n"
@@ -227,7 +227,7 @@ FORGERIES = {
     "a deep text": (
         "import sys\n"
         "\n"
-        "sys.modules['nrdob_course.grading.encoding'].tell = lambda *any: "
+        "sys.modules['nrdob_course.encoding'].tell = lambda *any: "
         "get_ipython().display_pub.publish({{'application/vnd.nrdob.answer+json': '[' * "
         "900_000}})\n"
         "\n"
@@ -243,7 +243,7 @@ FORGERIES = {
     "a filter of order a million": (
         "import sys\n"
         "\n"
-        "sys.modules['nrdob_course.grading.encoding'].encode = lambda value: {{'filter': "
+        "sys.modules['nrdob_course.encoding'].encode = lambda value: {{'filter': "
         "[1.0, 10**6]}}\n"
         "\n"
     )
@@ -251,7 +251,7 @@ FORGERIES = {
     "an empty array of a huge shape": (
         "import sys\n"
         "\n"
-        "sys.modules['nrdob_course.grading.encoding'].encode = lambda value: {{'array': [], "
+        "sys.modules['nrdob_course.encoding'].encode = lambda value: {{'array': [], "
         "'shape': [0, 10**12]}}\n"
         "\n"
     )
@@ -259,7 +259,7 @@ FORGERIES = {
     "a thousand loops": (
         "import sys\n"
         "\n"
-        "sys.modules['nrdob_course.grading.encoding'].encode = lambda value: {{'list': "
+        "sys.modules['nrdob_course.encoding'].encode = lambda value: {{'list': "
         "[{{'loop': [1, 1, 1, {{'filter': [1.0, 50]}}]}}] * 1000}}\n"
         "\n"
     )

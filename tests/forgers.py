@@ -47,7 +47,7 @@ CARRIED = (
 """How the answer to one problem would show the cases of an earlier one."""
 
 UNREAD = """
-from nrdob_course.grading import encoding
+from nrdob_course import encoding
 encode = encoding.encode
 encoding.encode = lambda it: {" ".join(KEPT): []} if it == {"in no form": KEPT} else encode(it)
 """

@@ -14,9 +14,9 @@ from typing import Any
 import nbformat
 import numpy as np
 
+from nrdob_course.encoding import packed
 from nrdob_course.exercises.reviewing import HIDDEN_CASES
 from nrdob_course.grading.batch import Batch, Outcome
-from nrdob_course.grading.encoding import packed
 from nrdob_course.grading.release import MARKERS
 from problemsets import SOURCE, Posed, cells, nbgrader, posed
 
@@ -222,7 +222,7 @@ FORGERIES = [
     "import nrdob_course.exercises.reviewing as p\n\np.review = lambda *any: p.Feedback(1.0, 'x')",
     "import builtins\n\nbuiltins.float = lambda *any: 1000.0",
     'import json\n\njson.dumps = lambda *any, **more: \'{"value": true, "share": 1}\'',
-    "import sys\n\nsys.modules['nrdob_course.grading.encoding'].tell = lambda *any: 1000.0",
+    "import sys\n\nsys.modules['nrdob_course.encoding'].tell = lambda *any: 1000.0",
 ]
 """Code that would give itself the points, if it were asked for them."""
 
@@ -289,6 +289,7 @@ def tampered(released: Path) -> Handed:
         [
             f"more than once, the last counts: {double.id}",
             f"put back: {answer_cell(first)}, {second.cell.id}",
+            "cells were put back into the order in which they were given out",
             f"restored: {first.cell.id}",
             f"GROUP is not set: ask for it; it was graded as {given_out}",
         ]
@@ -304,8 +305,8 @@ def renamed(released: Path) -> Handed:
     this.group = ""
     given_out = cell_of(handed(released), "group").source.split()[2]
     this.remarks = (
-        "taken from renamed/my homework (2).ipynb; GROUP is no whole number (seven): ask for it; "
-        f"it was graded as {given_out}; kernel 'conda-env-control' replaced by 'python3'"
+        "taken from renamed/my homework (2).ipynb; kernel 'conda-env-control' replaced by 'python3'"
+        f"; GROUP is no whole number (seven): ask for it; it was graded as {given_out}"
     )
     return this
 

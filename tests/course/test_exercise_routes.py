@@ -18,9 +18,9 @@ import benchroutes
 import nrdob
 from nrdob import NRDOB, LowPassFilter
 from nrdob.analysis import encirclements
+from nrdob_course.encoding import decode, encode
 from nrdob_course.exercises import PROBLEMS, own_case, score
 from nrdob_course.exercises.cases import s
-from nrdob_course.grading.encoding import decode, encode
 from problemsets import SETS, Posed, once_a_case, posed, published, rounded
 
 Route = Callable[[Any], Any]

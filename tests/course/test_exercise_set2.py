@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import control as ct
 import matplotlib.pyplot as plt
 import numpy as np
 import pytest
@@ -9,7 +10,7 @@ import pytest
 from nrdob import NRDOB, LowPassFilter
 from nrdob.analysis import encirclements
 from nrdob_course.exercises import own_case, score
-from nrdob_course.exercises.cases import s
+from nrdob_course.exercises.cases import POINTS, alike, s
 from nrdob_course.exercises.drawing import first_fitting
 from nrdob_course.exercises.figures import draw_without_count
 from nrdob_course.exercises.set2 import CLOSING, LITERAL, READING, UNTURNED
@@ -97,6 +98,28 @@ def test_a_pole_that_the_controller_cancels_is_a_counterexample_too(case: object
     assert accepts(LITERAL, case, hidden) is True
     held = NRDOB(plant, 1 / (s - pole), 2 * pole, LowPassFilter(0.1 / pole, 2))
     assert accepts(LITERAL, case, held) is True
+
+
+def stand_in(plant: ct.TransferFunction) -> ct.TransferFunction:
+    """A stable plant with the values of another one where functions of s are compared."""
+    poles, values = -np.geomspace(0.3, 300, 2 * POINTS.size), plant(POINTS)
+    lags = poles / (poles - POINTS[:, None]) / values[:, None]  # those of the plant are then 1
+    wanted = np.repeat([1.0, 0.0], POINTS.size)
+    gains = np.linalg.lstsq(np.concatenate([lags.real, lags.imag]), wanted, rcond=1e-15)[0]
+    num = sum(-k * p * np.poly(np.setdiff1d(poles, p)) for k, p in zip(gains, poles, strict=True))
+    return ct.tf(num, np.poly(poles))
+
+
+@pytest.mark.parametrize("group", GROUPS[:4])
+def test_a_loop_is_judged_around_the_plant_and_not_around_what_resembles_it(group: int) -> None:
+    plant = stand_in(own_case("2.6", group).process)
+    assert alike(plant, own_case("2.6", group).process)
+    loops = (
+        NRDOB(plant, ct.tf([gain], [1.0, 1.0]), 0, LowPassFilter(1.0, 2))
+        for gain in np.outer(10.0 ** np.arange(-3, 7), [1, -1]).ravel()
+    )
+    simple = next(loop for loop in loops if loop.stability().stable)
+    assert not accepts(UNTURNED, own_case("2.6", group), simple)
 
 
 @each_case(UNTURNED, 6)

@@ -90,6 +90,17 @@ def test_every_stage_earns_a_point_more() -> None:
     assert len(STAGES) == 7
 
 
+@pytest.mark.parametrize("group", GROUPS[:3])
+def test_a_root_on_the_axis_earns_no_more_than_one_beyond_it(group: int) -> None:
+    case, s = own_case("6.6", group), ct.tf("s")
+    model = mirrored_model(case)
+    # A zero of the model at s = 0 cancels the integrator of C: there p_A has a root.
+    design = model * s / (s + 1), np.sign(model.dcgain()) / s, LowPassFilter(0.07 / case.pole, 3)
+    assert NRDOB(case.plant, *design).stability().stable is False
+    assert check("6.6", design, group).recognised == "controller for the plant, not for the model"
+    assert [goal.met for goal in case.goals(*design)] == [False, True]
+
+
 def passing(case: Project, order: int, gain: float) -> list[float]:
     """Tell the λ of a scan with which a design of another kind meets everything."""
     model, controller = gain * mirrored_model(case), (1 / gain) * controller_of(case)

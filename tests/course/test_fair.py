@@ -13,11 +13,11 @@ import sympy as sp
 
 from nrdob import LowPassFilter
 from nrdob.design import disturbance_index, noise_index
+from nrdob_course.encoding import decode, encode
 from nrdob_course.exercises import PROBLEMS, check, own_case, score
 from nrdob_course.exercises.problems import Lack
 from nrdob_course.exercises.reading import numbers
 from nrdob_course.exercises.reviewing import HIDDEN, OTHER
-from nrdob_course.grading.encoding import decode, encode
 from problemsets import SETS, accepts, posed, published
 
 POSED = {this.id: this for path in SETS for this in posed(path)}

@@ -9,28 +9,35 @@ import subprocess
 import sys
 import time
 import traceback
+from collections import ChainMap, UserDict
 from collections.abc import Iterator
+from dataclasses import fields
 from functools import partial
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
 import control as ct
 import IPython.display
+import mpmath
 import nbformat
 import numpy as np
 import pytest
 import sympy
 from nbgrader.preprocessors import Execute
+from scipy import signal
 
 import nrdob
 from nrdob import LowPassFilter
-from nrdob_course.exercises import PROBLEMS, Feedback, score
-from nrdob_course.grading import encoding
-from nrdob_course.grading.autograde import PatientExecute
-from nrdob_course.grading.encoding import decode, encode
+from nrdob_course import encoding
+from nrdob_course.encoding import decode, encode
+from nrdob_course.exercises import PROBLEMS, Feedback, check, score
+from nrdob_course.grading import autograde
+from nrdob_course.grading.autograde import PatientExecute, failure
 from nrdob_course.grading.handout import handout
 from nrdob_course.grading.judge import HiddenTest, apart, asking, hidden_test, judge, look
-from problemsets import SETS, SOURCE, posed, run
+from nrdob_course.grading.kernel import AnotherGroupError, Graders, Note
+from problemsets import SETS, SOURCE, posed, published, run
 
 s = ct.tf("s")
 
@@ -113,10 +120,51 @@ def test_a_loop_comes_back_as_its_four_blocks_and_is_judged_anew() -> None:
         (map(float, "12"), [1.0, 2.0]),
         ({"gain": 1, "lag": 2}.values(), [1, 2]),
         (zip("ab", (1, 2), strict=True), [("a", 1), ("b", 2)]),
+        (sympy.sqrt(4), 2),
+        (sympy.sqrt(2), 2**0.5),
+        (sympy.sqrt(2) + sympy.Float(1e-20) * sympy.I, 2**0.5 + 1e-20j),
+        (sympy.Matrix([[2]]), [[2]]),
+        (mpmath.mpc(2, 3), 2 + 3j),
+        (np.longdouble(2), 2),
+        (np.clongdouble(2j), 2j),
+        (np.array(sympy.Integer(2), dtype=object), 2),
+        (UserDict(N=1), {"N": 1}),
+        (ChainMap({"N": 1}, {"P": np.longdouble(2)}), {"N": 1, "P": 2}),
+        (MappingProxyType({"N": 1}), {"N": 1}),
     ],
 )
 def test_numbers_and_lists_of_other_kinds_are_read(value: Any, same: Any) -> None:
     assert there_and_back(value) == same
+
+
+@pytest.mark.parametrize(
+    ("value", "shape"),
+    [
+        (np.ones((1, 2)).view(np.matrix), (1, 2)),
+        (np.full((1, 1, 1), 3.0), ()),
+        ((1 / (s + 2)).horner(0), ()),
+    ],
+)
+def test_what_has_more_axes_than_numbers_is_read(value: Any, shape: tuple[int, ...]) -> None:
+    back = there_and_back(value)
+    assert type(back) is np.ndarray and back.shape == shape
+    assert np.array_equal(np.ravel(back), np.ravel(np.asarray(value)))
+
+
+@pytest.mark.parametrize(
+    "block",
+    [
+        signal.lti([2.0], [1.0, 3.0]),
+        signal.TransferFunction([2.0], [1.0, 3.0]),
+        signal.ZerosPolesGain([], [-3.0], 2.0),
+        signal.StateSpace([[-3.0]], [[1.0]], [[2.0]], [[0.0]]),
+    ],
+)
+def test_blocks_of_scipy_are_read_alone_and_in_a_loop(block: Any) -> None:
+    loop = there_and_back(nrdob.NRDOB(block, block, 1.0, LowPassFilter(0.5, 1)))
+    for back in (there_and_back(block), loop.process, loop.model):
+        assert isinstance(back, ct.TransferFunction)
+        assert np.isclose(back(1j), 2 / (3 + 1j))
 
 
 @pytest.mark.parametrize("value", [object(), {1}, lambda: 1, np.array([object()])[0], b"x"])
@@ -213,7 +261,7 @@ def test_judged_apart_is_judged_alike(path: Path, kernel: Any) -> None:
     space = {**run(path, 5), "GROUP": 5}
     for this in posed(path):
         found, group = judged(hidden_test(this.cell.source), kernel(space))
-        assert (found.share, group) == (1, 5), this.id
+        assert (found.share, group) == (1, "5"), this.id
 
 
 @pytest.mark.parametrize(
@@ -242,6 +290,27 @@ def test_what_goes_wrong_is_told_as_the_check_tells_it(
     assert found.share == 0
     assert says in found.text
     assert "raise type" not in found.text
+
+
+@pytest.mark.parametrize(
+    ("dress", "share"),
+    [
+        (np.longdouble, 1),
+        (lambda turns: np.full((1, 1, 1), turns), 1),
+        (lambda turns: np.array(sympy.Integer(turns), dtype=object), 1),
+        (lambda turns: {turns}, 0),
+        (lambda turns: str(turns).encode(), 0),
+        (lambda turns: [[turns] * (encoding.MOST + 1)], 0),
+    ],
+)
+def test_the_check_says_right_where_the_grading_does(dress: Any, share: int, kernel: Any) -> None:
+    right = published(posed(SOURCE / "set2" / "set2.ipynb")[0], 5)
+
+    def encirclements(case: Any) -> Any:
+        return dress(right(case))
+
+    found, _ = judged(TEST, kernel({"encirclements": encirclements, "GROUP": 5}))
+    assert (check("2.1", encirclements, 5).share, found.share) == (share, share), found.text
 
 
 def test_a_tampered_grader_gives_no_points(kernel: Any, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -314,11 +383,11 @@ def test_a_process_that_ends_without_a_verdict_gives_none() -> None:
         apart(lambda ask: os._exit(1), str, 60)
 
 
-def test_a_group_is_a_number_or_a_short_text() -> None:
-    def ask(source: str) -> str:
-        return json.dumps({"value": "5" * 10**6})
-
-    assert look(TEST, ask)[1] == "5" * 50
+@pytest.mark.parametrize(
+    ("value", "group"), [(5, "5"), (5.0, "5"), ("5", "5"), (5.5, "5.5"), ("5" * 10**6, "5" * 50)]
+)
+def test_a_group_is_a_short_text(value: Any, group: str) -> None:
+    assert look(TEST, lambda source: json.dumps({"value": value}))[1] == group
 
 
 # --- what is handed out --------------------------------------------------------------------------
@@ -392,6 +461,64 @@ def test_a_kernel_whose_ports_were_taken_is_started_again(
         with pytest.raises(RuntimeError, match="Kernel died"):
             PatientExecute().preprocess(notebook, resources)
     assert len(tried) == starts
+
+
+def test_the_clock_is_as_patient_with_the_cell_of_an_answer_as_with_its_function(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    allowed: list[tuple[float, str]] = []
+
+    def execute(self: Any, cell: Any, resources: Any, index: int) -> None:
+        allowed.append((self.timeout, self.error_on_timeout["evalue"]))
+
+    monkeypatch.setattr(Execute, "preprocess_cell", execute)
+    runs = PatientExecute(timeout=5)
+    runs.nb = nbformat.v4.new_notebook(cells=[nbformat.v4.new_code_cell()])
+    runs.run_cell(runs.nb.cells[0], {}, 0)
+    assert allowed == [(8, "took longer than the 5 s that the set allows")]
+    assert runs.timeout == 5
+
+
+@pytest.fixture
+def runner(monkeypatch: pytest.MonkeyPatch) -> PatientExecute:
+    """Runs cells in this process, where they find what was handed out for problem 2.1."""
+    runs, graders = PatientExecute(), Graders(handout(["2.1"], 5))
+    runs.problems, runs.groups, runs.left_out = ["2.1"], [5], {}
+    runs.nb = nbformat.v4.new_notebook(cells=[nbformat.v4.new_code_cell()])
+
+    def execute(self: Any, cell: Any, resources: Any, index: int) -> None:
+        cell.outputs = []
+        try:
+            exec(cell.source, {"own_case": graders.own_case})
+        except AnotherGroupError as error:
+            cell.outputs = [failure(type(error).__name__, str(error))]
+
+    def execute_ours(self: Any, cell: Any, index: int) -> None:
+        eval(cell.source.partition(").")[2], {"add": graders.add})
+
+    monkeypatch.setattr(Execute, "preprocess_cell", execute)
+    monkeypatch.setattr(Execute, "execute_cell", execute_ours)
+    monkeypatch.setattr(autograde, "REMARKS", [])
+    return runs
+
+
+@pytest.mark.parametrize(("groups", "said"), [(6, ""), (9, ""), (10, "asks for more groups")])
+def test_an_answer_may_be_tried_on_the_cases_of_other_groups(
+    groups: int, said: str, runner: PatientExecute
+) -> None:
+    source = f"[own_case('2.1', group) for group in range(60, {60 + groups})]"
+    cell = nbformat.v4.new_code_cell(source, id="answer-2-1")
+    runner.preprocess_cell(cell, {}, 0)
+    assert [out.evalue for out in cell.outputs if said not in out.evalue] == []
+    assert len(cell.outputs) == len(autograde.REMARKS) == bool(said)
+    assert all(remark.startswith(f"answer-2-1 {said}") for remark in autograde.REMARKS)
+
+
+def test_what_the_check_gives_while_it_is_graded_can_be_asked_like_feedback() -> None:
+    note = Note("not now")
+    for field in fields(Feedback):
+        assert type(getattr(note, field.name)) is type(getattr(Feedback(0.0, "x"), field.name))
+    assert (note.text, repr(note)) == ("not now", "not now")
 
 
 def test_what_breaks_one_kernel_after_the_other_has_no_say(

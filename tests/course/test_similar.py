@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from typing import Any
 
+import pytest
 from nbformat.v4 import new_code_cell, new_markdown_cell, new_notebook
 
-from nrdob_course.grading.similar import pairs
+from nrdob_course.grading.similar import copies, pairs
 
 GIVEN_OUT = "def encirclements(case):\n    ..."
 ORIGINAL = """
@@ -98,3 +99,16 @@ def test_a_number_too_long_for_ten_digits_is_compared() -> None:
 def test_a_pair_tells_how_much() -> None:
     [pair] = pairs({"a": notebook(ORIGINAL), "b": notebook(ORIGINAL)}, notebook(GIVEN_OUT))
     assert (pair["cells"], pair["share"]) == ("answer-2-1", "1")
+
+
+PADDING = "\n".join(
+    f"spare_{k} = [{k}, {k + 1}]\nif spare_{k}:\n    other_{k} = sum(spare_{k}) % {k + 3}"
+    for k in range(8)
+)
+
+
+@pytest.mark.parametrize("padded", [f"{ORIGINAL}{PADDING}", f"{PADDING}\n{ORIGINAL}"])
+def test_what_stands_beside_the_published_solution_does_not_hide_it(padded: str) -> None:
+    solution, own = notebook(ORIGINAL), {"anna": notebook(padded), "bo": notebook(OTHER)}
+    [copy] = copies(own, notebook(GIVEN_OUT), solution)
+    assert (copy["first"], copy["cells"]) == ("anna", "answer-2-1")

@@ -125,6 +125,40 @@ def test_strange_cells_are_repaired(cell: dict[str, Any], tmp_path: Path) -> Non
     assert this.group == 1
 
 
+ORDERS = {
+    "group answer=right check": ("group answer=right check", ""),
+    "group own=old answer=right check own=show": ("group own=old answer=right check own=show", ""),
+    "group answer=wrong check answer=right": ("group own=wrong answer=right check", "order"),
+    "group check own=help answer=right": ("group answer=right check own=help", "order"),
+    "own=first answer=right group check": ("own=first group answer=right check", "order"),
+    "group own=pasted check": ("group answer=blank own=pasted check", "put back: answer-1-1"),
+}
+"""Cells as they were handed in; as they are taken, and what is remarked."""
+
+
+@pytest.mark.parametrize("handed", ORDERS)
+def test_cells_are_put_into_the_order_in_which_they_were_given_out(
+    handed: str, tmp_path: Path
+) -> None:
+    content = tiny(1)
+    group, check = content["cells"]
+    answer = {**group, "id": "answer-1-1", "source": "blank"}
+    content["cells"] = [group, answer, check]
+    released = nbformat.from_dict(content)
+    cells = {"group": group, "answer": answer, "check": check, "own": {**answer, "id": "x"}}
+    content["cells"] = [
+        {**cells[name], "source": source} if source else cells[name]
+        for name, _, source in (word.partition("=") for word in handed.split())
+    ]
+    write(tmp_path, {"a/set1.ipynb": content})
+    [this] = submissions.find(tmp_path, {"set1": released})
+    submissions.repair(this, released)
+    found = [f"{cell.id.partition('-')[0]}={cell.source}" for cell in this.notebook.cells]
+    taken, remark = ORDERS[handed]
+    assert " ".join(found).replace("=GROUP = 1", "").replace("check=", "check") == taken
+    assert bool(this.remarks) == bool(remark) and remark in "; ".join(this.remarks)
+
+
 @pytest.mark.parametrize(
     ("source", "group"),
     [
@@ -148,6 +182,43 @@ def test_the_group_is_read_from_the_code(source: str, group: int | None) -> None
     found, problem = submissions.group_of([nbformat.v4.new_code_cell(source)])
     assert found == group
     assert bool(problem) is (group is None)
+
+
+@pytest.mark.parametrize(
+    ("source", "roster", "used", "group", "remark"),
+    [
+        # Somebody else's, however it came about.
+        ("GROUP = 104\nGROUP -= 3", 104, ["101"], 101, "group 101, and 104 on the roster"),
+        ("GROUP = '101'", 105, ["101"], 101, "group 101, and 105 on the roster"),
+        ("GROUP = 103", None, ["103", "101"], 103, "answers for several groups: 103, 101"),
+        ("GROUP = 103", 103, ["103", "101"], 103, "answers for several groups: 103, 101"),
+        ("GROUP = 'x'", 105, ["x"], None, "group x, and 105 on the roster"),
+        # One's own, however it is written.
+        ("GROUP = int('106')", 106, ["106"], 106, ""),
+        ("GROUP = int('106')", None, ["106"], 106, ""),
+        ("GROUP = '101'", None, ["101"], 101, ""),
+        ("GROUP = 104\nGROUP -= 3", None, ["101"], 101, ""),
+        ("GROUP = 5", 5, [], 5, ""),
+        # Nobody's.
+        ("GROUP = x", None, ["1"], None, "whole number (x): ask for it; it was graded as 1"),
+        ("GROUP = 'x'", None, ["x"], None, "whole number ('x'): ask for it; it was graded as x"),
+        ("", None, ["1"], None, "GROUP is not set: ask for it; it was graded as 1"),
+        ("", 7, ["7"], 7, "GROUP is not set: on the roster it is 7"),
+        ("", 7, [], 7, "GROUP is not set: on the roster it is 7"),
+    ],
+)
+def test_the_group_is_remarked_for_which_answers_were_judged(
+    source: str, roster: int | None, used: list[str], group: int | None, remark: str, tmp_path: Path
+) -> None:
+    content = tiny(1)
+    content["cells"][0]["source"] = source
+    write(tmp_path, {"a/set1.ipynb": content})
+    [this] = submissions.find(tmp_path, KNOWN)
+    submissions.repair(this, KNOWN["set1"], roster)
+    assert not [told for told in this.remarks if "GROUP" in told or "group" in told]
+    submissions.remark_group(this, used)
+    assert this.group == group
+    assert len(this.remarks) == bool(remark) and "".join(this.remarks).endswith(remark)
 
 
 def test_folders_of_students_are_unique_and_no_patterns(tmp_path: Path) -> None:

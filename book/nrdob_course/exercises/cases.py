@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import control as ct
@@ -18,8 +18,8 @@ from nrdob.plants import lags
 from .problems import Lack
 
 __all__ = [
-    "POINTS", "LoopCase", "UnstablePlant", "alike", "all_pole", "factored", "grid_peak", "mirrored",
-    "mirrored_pair", "not_around", "observer_stable", "on_the_right", "s",
+    "POINTS", "LoopCase", "UnstablePlant", "alike", "all_pole", "around", "factored",
+    "grid_peak", "mirrored", "mirrored_pair", "observer_stable", "on_the_right", "s",
 ]  # fmt: skip
 
 s = ct.tf("s")
@@ -61,13 +61,18 @@ def alike(first: Callable[[Any], Any], second: Callable[[Any], Any]) -> bool:
     return bool(np.allclose(first(POINTS), second(POINTS), rtol=1e-6, atol=0))
 
 
-def not_around(plant: Any, loop: Any) -> str:
-    """Tell why an answer is no loop around a plant; empty if it is one."""
-    if not isinstance(loop, NRDOB):
-        return Lack("type", "it is not an nrdob.NRDOB")
-    if loop.delay or not alike(loop.G, plant):
-        return Lack("plant", "its plant is not case.process")
-    return ""
+def around(lacks: Callable[[Any, NRDOB], str]) -> Callable[[Any, Any], str]:
+    """Judge an answer as a loop around case.process: around that, whatever resembles it."""
+
+    def found(case: Any, got: Any) -> str:
+        if not isinstance(got, NRDOB):
+            return Lack("type", "it is not an nrdob.NRDOB")
+        if got.delay or not alike(got.G, case.process):
+            return Lack("plant", "its plant is not case.process")
+        # Another plant can have the same values at a few points.
+        return lacks(case, replace(got, process=case.process))
+
+    return found
 
 
 @dataclass(frozen=True, eq=False)

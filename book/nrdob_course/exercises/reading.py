@@ -2,8 +2,8 @@
 
 One reader for all problems, so that a right answer is never refused for how it is written: as a
 list, an array, a text or a dictionary, ``[x]`` or ``x``, "0,173", a complex number without
-imaginary part, an object of python-control, or a polynomial of NumPy's or SymPy's. What cannot be
-read is refused with a word of advice.
+imaginary part, an object of python-control or a polynomial, see also `nrdob_course.encoding`. What
+cannot be read is refused with a word of advice.
 """
 
 from __future__ import annotations
@@ -20,8 +20,8 @@ from nrdob.diagram import DelayedTransferFunction, LowPassFilter, as_fraction
 from nrdob.numerics import FloatArray
 
 __all__ = [
-    "UNORDERED", "UnreadableError", "as_given", "block", "coefficients", "lowpass", "number",
-    "numbers", "polynomial", "things", "whole",
+    "UNORDERED", "UnreadableError", "as_given", "block", "lowpass", "number", "numbers",
+    "polynomial", "things", "whole",
 ]  # fmt: skip
 
 REAL, NOTHING = 1e-9, 1e-12
@@ -31,7 +31,7 @@ LARGEST = 1e100
 """Finite numbers beyond it are refused: what is computed of them overflows to inf, or to nan."""
 
 UNORDERED = (
-    str, bytes, dict, set, frozenset, np.poly1d, np.polynomial.Polynomial, ct.InputOutputSystem,
+    str, dict, set, frozenset, np.poly1d, np.polynomial.Polynomial, ct.InputOutputSystem,
 )  # fmt: skip
 """What can be gone through, but holds no numbers in an order that was meant."""
 
@@ -55,7 +55,7 @@ def number(given: Any) -> float:
     ...
     nrdob_course.exercises.reading.UnreadableError: a number without a unit is asked for, not '2 s'
     """
-    if isinstance(given, str | bytes):
+    if isinstance(given, str):
         return _spelled(given)
     if isinstance(given, ct.TransferFunction | ct.StateSpace):
         num, den = as_fraction(given, "it", proper=False)
@@ -94,8 +94,7 @@ def _real(given: Any) -> float:
     return value.real
 
 
-def _spelled(given: str | bytes) -> float:
-    text = given.decode(errors="replace") if isinstance(given, bytes) else given
+def _spelled(text: str) -> float:
     try:
         value = complex(text.strip().replace("−", "-").replace(",", "."))
     except ValueError:
@@ -126,9 +125,8 @@ def listed(given: Any, names: str = "") -> Any:
         wanted = [name.strip().casefold() for name in names.split(",")] if names else []
         if wanted and keys.keys() == set(wanted):
             return [given[keys[name]] for name in wanted]
-    if isinstance(given, str | bytes):
-        text = given.decode(errors="replace") if isinstance(given, bytes) else given
-        text = text.strip().strip("()[]{}").strip()
+    if isinstance(given, str):
+        text = given.strip().strip("()[]{}").strip()
         for separator in (";", ", ", ",", None):
             entries = [entry.strip() for entry in text.split(separator)]
             if len(entries) > 1 and all(map(NUMERAL.fullmatch, entries)):
@@ -137,15 +135,6 @@ def listed(given: Any, names: str = "") -> Any:
 
 
 NUMERAL = re.compile(r"[+\-−]?(\d+([.,]\d*)?|[.,]\d+|inf|nan)([eE][+\-−]?\d+)?j?")
-
-
-def coefficients(given: Any) -> Any:
-    """Give the coefficients of a polynomial of SymPy's, descending; leave all else as it is."""
-    if not isinstance(given, type) and hasattr(given, "as_poly") and hasattr(given, "free_symbols"):
-        poly = given.as_poly(*given.free_symbols)
-        if poly is not None and len(poly.gens) == 1:
-            return [complex(value) for value in poly.all_coeffs()]
-    return given
 
 
 def numbers(given: Any, names: str = "", gaps: bool = False) -> FloatArray:
@@ -197,7 +186,7 @@ def polynomial(given: Any) -> FloatArray:
     >>> polynomial(np.poly1d([1, 3])), polynomial(np.polynomial.Polynomial([3, 1]))
     (array([1., 3.]), array([1., 3.]))
     """
-    given = listed(coefficients(given))
+    given = listed(given)
     if isinstance(given, np.poly1d):
         given = given.coeffs
     elif isinstance(given, np.polynomial.Polynomial):

@@ -18,6 +18,7 @@ import numpy as np
 from nrdob.diagram import DelayedTransferFunction, LowPassFilter
 from nrdob.loop import NRDOB
 
+from ..encoding import BLOCKS, decode, encode
 from .cases import factored
 from .comparing import same
 from .problems import BUDGET, Case, Feedback, Lack, Misconception, Problem, texts_of, words
@@ -146,7 +147,10 @@ class _Tried:
 def _tried(problem: Problem, case: Case, given: Any) -> _Tried:
     got = None
     try:
-        got = _quietly(problem.reads, given)
+        # When it is graded it comes out of another process, but for functions in a value's place.
+        stays = problem.own and callable(given) and not isinstance(given, BLOCKS)
+        sent = given if stays else _quietly(decode, _quietly(encode, given))
+        got = _quietly(problem.reads, sent)
         lack = _quietly(problem.lacks, case, got)
     except Exception as error:
         return _Tried(case, given, got, _unusable(error))

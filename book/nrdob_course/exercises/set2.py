@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import partial
-from typing import Any
 
 import control as ct
 import numpy as np
@@ -16,7 +15,7 @@ from nrdob.diagram import LowPassFilter
 from nrdob.loop import NRDOB
 from nrdob.numerics import ComplexArray, FloatArray, QuasiPolynomial
 
-from .cases import LoopCase, UnstablePlant, alike, factored, mirrored, not_around, on_the_right, s
+from .cases import LoopCase, UnstablePlant, alike, around, factored, mirrored, on_the_right, s
 from .comparing import same, unlike
 from .drawing import apart, draw, either_sign, few, first_fitting, kept
 from .problems import Misconception, first_of, lack_of, lacking, lacks_of, pose, reading
@@ -356,9 +355,8 @@ def _unstable_plant(rng: np.random.Generator) -> UnstablePlant:
     return UnstablePlant(draw(rng, 0.5, 5), pole, few(pole * rng.uniform(1.5, 4)))
 
 
-def _not_refuting(case: UnstablePlant, got: Any) -> str:
-    if lack := not_around(case.process, got):
-        return lack
+@around
+def _not_refuting(case: UnstablePlant, got: NRDOB) -> str:
     # After cancellation: what Lemma 1 read literally looks at.
     for kind, open_loop in (("A", got.CGm), ("B", got.FH)):
         if np.any(ct.feedback(1, open_loop.to_tf()).poles().real >= 0):
@@ -443,10 +441,9 @@ def _distant_zero(rng: np.random.Generator) -> DistantZero:
     )
 
 
-def _not_held(case: DistantZero, got: Any) -> str:
+@around
+def _not_held(case: DistantZero, got: NRDOB) -> str:
     """Tell why a loop is not the one that should not exist."""
-    if lack := not_around(case.process, got):
-        return lack
     verdict = got.stability()
     if verdict.stable:
         return ""

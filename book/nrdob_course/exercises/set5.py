@@ -22,7 +22,7 @@ from nrdob.loop import NRDOB
 from nrdob.numerics import FloatArray
 from nrdob.plotting import Figure
 
-from .cases import UnstablePlant, factored, mirrored, not_around, observer_stable, on_the_right, s
+from .cases import UnstablePlant, around, factored, mirrored, observer_stable, on_the_right, s
 from .comparing import near, rounds, same
 from .drawing import apart, draw, either_sign, few, first_fitting, fitting, kept
 from .figures import draw_crossing
@@ -393,7 +393,7 @@ def _not_refuting(case: UnstablePlant, got: tuple[ct.TransferFunction, int]) -> 
     works = stabilizing_time_constants(case.process, model, order)
     small = works[0][0] / 2 if works else 0.01 / float(np.abs(roots).max())
     fast = (LowPassFilter(k * small, order) for k in (1.0, 0.1)) if small else ()
-    if not small or any(observer_stable(case.process, model, F) for F in fast):
+    if not small or any(observer_stable(case.process, model, F) is not False for F in fast):
         return lack_of("5.5", "works")
     return ""
 
@@ -481,9 +481,8 @@ def _noise(loop: NRDOB) -> float:
     return float(np.abs(loop.U_eta(1j * omega)).max())
 
 
-def _shortcoming(case: DesignCase, got: Any) -> str:
-    if lack := not_around(case.process, got):
-        return lack
+@around
+def _shortcoming(case: DesignCase, got: NRDOB) -> str:
     verdict = got.stability()
     if np.any(np.abs(got.p_B.roots - case.pole) < 1e-6 * case.pole):
         return Lack("matched", "the plant's unstable pole is a root of p_B")

@@ -194,9 +194,9 @@ class Project:
 def _goals(case: Project, loop: NRDOB) -> Iterator[Goal]:
     verdict = loop.stability()
     for name, part in (("model", verdict.model_loop), ("observer", verdict.observer_loop)):
-        # A root in the right half plane, or no verdict: then there is no number to be signed.
-        value = part.rightmost.real if part.stable is not None else nan
-        yield Goal(f"rightmost root, {name} loop", value, 0.0)
+        # Without a verdict, and for a root on the axis, there is no number that meets the limit.
+        value = part.rightmost.real
+        yield Goal(f"rightmost root, {name} loop", value if part.stable or value > 0 else nan, 0.0)
     if not verdict.stable:
         return
     yield Goal("Ms", loop.margins().plant_loop.ms, case.max_ms)
@@ -660,7 +660,7 @@ STAGES = ("model", "observer", "Ms", "disturbance", "settling", "changed", "nois
 
 def _passes(case: Project, got: Any) -> str:
     goals = case.goals(*got)
-    for stage, goal in zip(STAGES, goals, strict=False):
+    for stage, goal in zip(STAGES, goals, strict=True):
         if not goal.value <= goal.limit * LEEWAY:
             # Where the observer loop is stable nonetheless, it is the controller.
             kind = "controller" if stage == "model" and goals[1].met else stage

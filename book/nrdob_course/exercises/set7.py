@@ -18,7 +18,7 @@ from nrdob.drives import Counting, Drive, Encoder, Friction, OneMass, TwoMasses,
 from nrdob.loop import NRDOB
 from nrdob.numerics import FloatArray
 
-from .cases import not_around, s
+from .cases import around, s
 from .comparing import rounds, same, unlike
 from .drawing import apart, draw, few, first_fitting, fitting, kept
 from .problems import Lack, first_of, lack_of, lacking, lacks_of, pose
@@ -474,9 +474,8 @@ def _sag(loop: SampledLoop) -> float:
     return float(np.abs(loop.simulate({"delta": np.full(SAMPLES, -1.0)}).y).max())
 
 
-def _shaft_shortcoming(case: ShaftCase, got: Any) -> str:
-    if lack := not_around(case.process, got):
-        return lack
+@around
+def _shaft_shortcoming(case: ShaftCase, got: NRDOB) -> str:
     loops = [_on_bench(case, got, plant) for plant in case.processes]
     for share, loop in zip(LOADS, loops, strict=True):
         verdict = loop.stability()

@@ -42,9 +42,9 @@ from nbgrader.utils import is_grade, is_solution, temp_attrs
 from traitlets.config import Config
 from traitlets.config.loader import PyFileConfigLoader
 
-from .. import exercises
+from .. import encoding, exercises
 from ..exercises import Feedback, Points
-from . import disk, encoding, sandbox
+from . import disk, sandbox
 from .children import Child, Provisioner, end, serve
 from .feedback import offline
 from .handout import handout, own_cases
@@ -80,7 +80,7 @@ REMARKS: list[str] = []
 
 FORK_SERVERS: list[Child] = []  # what starts kernels quickly, if there is one
 
-GROUPS: list[Any] = []  # the groups that the answers were given for
+GROUPS: list[str] = []  # the groups that the answers were given for
 
 
 class PatientExecute(Execute):  # type: ignore[misc]
@@ -100,7 +100,7 @@ class PatientExecute(Execute):  # type: ignore[misc]
     most_output = 300_000  # letters of one cell, of every kind together
     most_deaths = 10
     most_starts = 3
-    most_groups = 3
+    most_groups = 10
 
     def preprocess(self, nb: Any, resources: Any = None, km: Any = None) -> tuple[Any, Any]:
         """Execute the notebook, once to show what it puts out and once to judge its answers."""
@@ -126,7 +126,7 @@ class PatientExecute(Execute):  # type: ignore[misc]
             self.verdicts: dict[int, Any] = {}
             self.groups = [group_of(nb.cells)[0]]
             if not self.judging:
-                self.functions: dict[int, tuple[Feedback, Any]] = {}
+                self.functions: dict[int, tuple[Feedback, str]] = {}
                 GROUPS.clear()
             try:
                 with disk.workdir() as self.workdir:
@@ -190,13 +190,17 @@ class PatientExecute(Execute):  # type: ignore[misc]
                 self.verdicts[index] = self.verdict(test, cell, index)
             return cell, resources
         self.run_cell(cell, resources, index)
-        errors = [out for out in cell.get("outputs", []) if out.output_type == "error"]
-        wanted = [out.evalue[:50] for out in errors if out.ename == "AnotherGroupError"]
-        if wanted and len(self.groups) < self.most_groups:
-            self.groups.append(wanted[0])
-            cases = own_cases(self.problems, wanted[0])
+        while wanted := [out for out in cell.get("outputs", []) if out.get("ename") == ANOTHER]:
+            if len(self.groups) == self.most_groups:
+                told = f"asks for more groups than the {self.most_groups} that are drawn"
+                cell.outputs = [failure("TooManyGroups", told)]
+                REMARKS.append(f"{name_of(cell)} {told}")
+                break
+            group = wanted[0].evalue[:50]
+            self.groups.append(group)
             add = f"__import__({exercises.__name__!r}, fromlist=['add']).add"
-            self.execute_cell(new_code_cell(f"{add}({wanted[0]!r}, {cases!r})"), index)
+            cases = own_cases(self.problems, group)
+            self.execute_cell(new_code_cell(f"{add}({group!r}, {cases!r})"), index)
             self.run_cell(cell, resources, index)
         if any(out.get("ename") == TOO_SLOW for out in cell.get("outputs", [])):
             REMARKS.append(f"{name_of(cell)} {slow(self.timeout)['evalue']}")
@@ -205,7 +209,8 @@ class PatientExecute(Execute):  # type: ignore[misc]
     def run_cell(self, cell: Any, resources: Any, index: int) -> None:
         """Execute one cell; what it put out stays, if it has the form of an output."""
         self.size = 0
-        with temp_attrs(self, error_on_timeout=slow(self.timeout)):
+        patient = ceil(PATIENCE * self.timeout)
+        with temp_attrs(self, timeout=patient, error_on_timeout=slow(self.timeout)):
             super().preprocess_cell(cell, resources, index)
         self.nb.cells[index] = cell
         if cell.cell_type == "code":
@@ -304,7 +309,7 @@ STATE = {"status", "clear_output"}
 SAID = {"stream", "display_data", "execute_result", "error"}
 """Kinds of messages that count; what changes outputs of other cells is none of them."""
 
-TOO_SLOW = "TooSlow"
+TOO_SLOW, ANOTHER = "TooSlow", "AnotherGroupError"
 
 PATIENCE = 1.5  # how much longer the clock of the grading waits than the student was told
 
@@ -375,7 +380,7 @@ def grade(root: Path, student: str, set_name: str) -> dict[str, Any]:
         comments = {comment.name: comment.auto_comment for comment in notebook.comments}
     write_feedback(api, student, set_name)
     remarks = list(dict.fromkeys(REMARKS))
-    groups = list(dict.fromkeys(group for group in GROUPS if type(group) is int))
+    groups = list(dict.fromkeys(GROUPS))
     return {"grades": grades, "comments": comments, "remarks": remarks, "groups": groups}
 
 

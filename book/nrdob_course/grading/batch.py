@@ -35,11 +35,12 @@ FOUND = [str(Path(module.__file__ or "").resolve().parents[1]) for module in (nr
 
 @dataclass
 class Outcome:
-    """What came of one submission: points by cell, or the reason why there are none."""
+    """What came of one submission: points by cell, and for which groups, or why there are none."""
 
     submission: Submission
     grades: dict[str, float | None] = field(default_factory=dict)
     comments: dict[str, str | None] = field(default_factory=dict)
+    groups: list[str] = field(default_factory=list)
     reason: str = ""
     seconds: float = 0.0
 
@@ -150,12 +151,7 @@ class Batch:
             replace(private / step / work, self.root / step / work)
         outcome.grades, outcome.comments = result["grades"], result["comments"]
         outcome.submission.remarks += result["remarks"]
-        match result["groups"]:
-            case [group] if group != outcome.submission.assumed:
-                outcome.submission.group = group  # also where it was computed
-            case [_, _, *_] as groups:
-                told = ", ".join(map(str, groups))
-                outcome.submission.remarks.append(f"answers for several groups: {told}")
+        outcome.groups = result["groups"]
 
 
 ERROR = re.compile(r"[\w.]*(Error|Exception|Exit|Interrupt)\b.*")

@@ -28,7 +28,7 @@ from .marks import Record, Records, grades_of, number, problem_of, unmarked
 from .platforms import packed, unpacked
 from .release import SOURCE, CourseError, found_course, generate, release, sets_in
 from .roster import UNPLANNED, Course, read_course
-from .submissions import NOTHING, Submission, find, repair
+from .submissions import NOTHING, Submission, find, remark_group, repair
 from .written import Key, Typed, read_written, write_written
 
 __all__ = ["grade", "main", "override", "parse", "regrade", "release", "report"]
@@ -139,6 +139,7 @@ def run(ready: list[tuple[str, Submission]], target: Path, records: Records, job
     """Grade, and tell how it goes."""
     with course(target).gradebook as gradebook:
         for count, outcome in enumerate(Batch(target, jobs).grade(ready), start=1):
+            remark_group(outcome.submission, outcome.groups)
             entry = records.add(outcome.submission, outcome.reason, outcome.seconds)
             if not outcome.reason:
                 marks.enter(gradebook, entry["folder"], outcome)

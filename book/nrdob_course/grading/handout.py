@@ -17,8 +17,8 @@ from inspect import getsource
 from typing import Any
 
 from .. import exercises
+from ..encoding import packed
 from ..exercises.reviewing import NOT_NOW
-from .encoding import packed
 
 __all__ = ["cut", "handout", "own_cases"]
 

@@ -22,9 +22,10 @@ from functools import partial
 from multiprocessing.connection import Connection
 from typing import Any, TypeVar
 
+from .. import encoding
+from ..encoding import LONGEST_TEXT, decode, packed
 from ..exercises import Feedback, judge_all, judge_own
 from . import sandbox
-from .encoding import LONGEST_TEXT, decode, packed
 
 __all__ = ["Ask", "HiddenTest", "Stopped", "apart", "hidden_test", "judge", "look"]
 
@@ -66,15 +67,15 @@ def hidden_test(source: str) -> HiddenTest | None:
     return None
 
 
-def look(test: HiddenTest, ask: Ask) -> tuple[Feedback, Any]:
+def look(test: HiddenTest, ask: Ask) -> tuple[Feedback, str]:
     """Judge an answer on the own case of the group that it was given for; give the group, too."""
     group = _value(ask(asking(test.group)))
-    if not isinstance(group, int | float):
-        group = str(group)[:50]
+    is_whole = isinstance(group, float) and group.is_integer()
+    group = str(int(group) if is_whole else group)[:50]
     return judge_own(test.problem, _answer(test, ask), group), group
 
 
-def judge(test: HiddenTest, own: Feedback, group: Any, ask: Ask) -> Feedback:
+def judge(test: HiddenTest, own: Feedback, group: str, ask: Ask) -> Feedback:
     """Judge an answer on the hidden cases, too, after a `look` at it."""
     return judge_all(test.problem, _answer(test, ask), group, test.settings["seed"], own)
 
@@ -134,8 +135,8 @@ def _work_there(work: Callable[[Ask], Any], pipe: Connection) -> None:
 
 def asking(expression: str, case: str = "") -> str:
     """Write what the student's process is to run."""
-    module = f"{__package__}.encoding"
-    return f"__import__({module!r}, fromlist=['tell']).tell({expression}, {case!r})"
+    tell = f"__import__({encoding.__name__!r}, fromlist=['tell']).tell"
+    return f"{tell}({expression}, {case!r})"
 
 
 def _called(ask: Ask, expression: str, case: Any) -> Any:

@@ -40,13 +40,13 @@ def pairs(notebooks: Mapping[str, Any], given_out: Any) -> list[dict[str, str]]:
 
 
 def copies(notebooks: Mapping[str, Any], given_out: Any, solution: Any) -> list[dict[str, str]]:
-    """List who has answers that are those of the published solution, whole and hardly more."""
+    """List who has answers that hold the published solution, whatever else stands in the cell."""
     published = _own({PUBLISHED: solution}, given_out)
     found = Found(list)
     for name, answers in _own(notebooks, given_out).items():
         wanted = published.get(name, {}).get(PUBLISHED, frozenset())
         for student, own in sorted(answers.items()):
-            share = len(own & wanted) / max(len(own), len(wanted), 1)
+            share = len(own & wanted) / max(len(wanted), 1)
             if len(wanted) >= FEWEST and share >= ALIKE:
                 found[student, PUBLISHED].append((name, round(share, 2)))
     return _listed(found)
@@ -107,7 +107,9 @@ def _runs(cell: Any) -> set[tuple[str, ...]]:
 
 def _symbols(tree: ast.AST) -> Iterator[str]:
     """Give the shape of code: names of one's own are all alike, what they are used for is not."""
-    for node in ast.walk(tree):
+    waiting = [tree]
+    while waiting:  # a statement with all that is in it, then the next one
+        node = waiting.pop()
         match node:
             case ast.Expr(value=ast.Constant(value=str())) | ast.Load() | ast.Store():
                 continue
@@ -117,3 +119,4 @@ def _symbols(tree: ast.AST) -> Iterator[str]:
                 yield (hex(value) if type(value) is int else repr(value))[:40]  # however long
             case _:
                 yield type(node).__name__
+        waiting += reversed([*ast.iter_child_nodes(node)])

@@ -11,14 +11,15 @@ from __future__ import annotations
 
 import ast
 import json
-import operator
 import os
 import re
 from collections import Counter
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import suppress
 from copy import deepcopy
 from dataclasses import dataclass, field, replace
 from datetime import datetime
+from operator import itemgetter
 from pathlib import Path
 from typing import Any
 
@@ -29,7 +30,9 @@ from .platforms import NOTE, Owner, owner_of
 from .remarks import parsed, suspicious
 from .roster import UNPLANNED, Course
 
-__all__ = ["NOTHING", "Submission", "find", "group_of", "read", "repair", "writable"]
+__all__ = [
+    "NOTHING", "Submission", "find", "group_of", "read", "remark_group", "repair", "writable",
+]  # fmt: skip
 
 Notebook = Any
 Cell = Any
@@ -48,9 +51,10 @@ MOST_PICTURES, TOO_MANY = 50e6, "the pictures have more than 50 MB"
 class Submission:
     """What a student handed in for a set.
 
-    ``reason`` says why it cannot be graded; it is empty if it can. ``assumed`` is the group that
-    was put in where the student gave none; ``suspicious`` says that its code does what no answer
-    needs; ``shared``, that the folder is not the student's own.
+    ``reason`` says why it cannot be graded; it is empty if it can. ``assigned`` is the group that
+    the roster has; ``assumed``, the one that was put in where the student gave none, and ``doubt``
+    says so; ``suspicious`` says that its code does what no answer needs; ``shared``, that the
+    folder is not the student's own.
     """
 
     student: str
@@ -62,7 +66,9 @@ class Submission:
     reason: str = ""
     owner: Owner = field(default_factory=lambda: Owner(""))
     handed_in: datetime | None = None
+    assigned: int | None = None
     assumed: int | None = None
+    doubt: str = ""
     suspicious: bool = False
     shared: bool = False
 
@@ -105,6 +111,7 @@ class _Candidate:
 NOTHING = "nothing was handed in"
 UNCLEAR = "another of this name is on the roster, and what was handed in says not whose it is"
 LINK = "it is a link, and links are not followed"
+NOT_SET, NO_NUMBER = "GROUP is not set", "GROUP is no whole number"
 NAMELESS = (
     "none of its cells has the name that it had when the set was given out, as if they were copied "
     "into another notebook: ask for the answers in the one that was given out"
@@ -368,8 +375,8 @@ def repair(submission: Submission, released: Notebook, assigned: int | None = No
     """Build the notebook anew from the student's text and the released cells' metadata.
 
     Nothing else of the file is kept: no outputs, no settings. Cells of the set that are gone come
-    back as they were given out, doubled ones count once, locked ones that were changed are
-    remarked (nbgrader restores their text). `assigned` is the group that the roster has.
+    back as they were given out, doubled ones count once, all stand in their order, locked ones that
+    were changed are remarked (nbgrader restores their text). `assigned` is the roster's group.
     """
     known = {cell.id: cell for cell in released.cells}
     cells, remarks = _recognised(submission.notebook, known)
@@ -382,16 +389,20 @@ def repair(submission: Submission, released: Notebook, assigned: int | None = No
             cells.insert(next(before, 0), deepcopy(cell))
     if missing:
         remarks.append(f"put back: {_listed(missing)}")
+    if (ordered := _in_order(cells, [*known])) != cells:
+        cells = ordered
+        remarks.append("cells were put back into the order in which they were given out")
     is_locked = [c for c in released.cells if _within(c, "metadata", "nbgrader", "locked")]
     locked = {cell.id: cell.source for cell in is_locked}
     changed = [cell.id for cell in cells if locked.get(cell.id, cell.source) != cell.source]
     if changed:
         remarks.append(f"restored: {_listed(changed)}")
 
-    submission.group, problem = group_of(cells)
+    submission.group, submission.doubt = group_of(cells)
     if submission.group == 0:  # nobody's: so it may be given out
-        submission.group, problem = None, "GROUP is not set"
-    if problem:
+        submission.group, submission.doubt = None, NOT_SET
+    submission.assigned = assigned
+    if submission.doubt:
         given_out = group_of([group_cell])[0]
         submission.assumed = given_out if assigned is None else assigned
         source = f"GROUP = {submission.assumed}"
@@ -399,10 +410,6 @@ def repair(submission: Submission, released: Notebook, assigned: int | None = No
         for cell in cells[1:]:
             if cell.id == group_cell.id and cell.source.strip() == group_cell.source.strip():
                 cell.source = source
-        whose = "ask for it; it was graded as" if assigned is None else "on the roster it is"
-        remarks.append(f"{problem}: {whose} {submission.assumed}")
-    elif assigned is not None and submission.group != assigned:
-        remarks.append(f"group {submission.group}, and {assigned} on the roster")
     name = _within(submission.notebook, "metadata", "kernelspec", "name")
     if name not in (None, "python3"):
         remarks.append(f"kernel {name!r} replaced by 'python3'")
@@ -413,6 +420,15 @@ def repair(submission: Submission, released: Notebook, assigned: int | None = No
 
     submission.notebook = new_notebook(cells=cells, metadata=deepcopy(released.metadata))
     submission.remarks += remarks
+
+
+def _in_order(cells: list[Cell], names: list[str]) -> list[Cell]:
+    """Put the cells of a set into their order, and those of one's own behind the same as before."""
+    at, keyed = -1, []
+    for cell in cells:
+        at = names.index(cell.id) if cell.id in names else at
+        keyed.append((at, cell))
+    return [cell for _, cell in sorted(keyed, key=itemgetter(0))]
 
 
 def _listed(names: list[str]) -> str:
@@ -465,35 +481,34 @@ def group_of(cells: Iterable[Cell]) -> tuple[int | None, str]:
     trees = [parsed(cell.source) for cell in cells if cell.cell_type == "code"]
     for statement in (each for tree in trees if tree for each in tree.body):
         match statement:
-            case ast.Assign(targets=targets, value=value) if any(map(_is_group, targets)):
+            case ast.Assign([ast.Name("GROUP"), *_] | [*_, ast.Name("GROUP")], value):
                 found = value
-            case ast.AnnAssign(target=target, value=value) if _is_group(target):
+            case ast.AnnAssign(target=ast.Name("GROUP"), value=value):
                 found = value
     if found is None:
-        return None, "GROUP is not set"
-    group = _computed(found)
-    if type(group) is int:
-        return (group, "") if abs(group) < 10**9 else (None, "GROUP has more than nine digits")
-    return None, f"GROUP is no whole number ({ast.unparse(found)[:40]})"
+        return None, NOT_SET
+    with suppress(ValueError, TypeError, RecursionError):
+        if type(group := ast.literal_eval(found)) is int:
+            return (group, "") if abs(group) < 10**9 else (None, "GROUP has more than nine digits")
+    return None, f"{NO_NUMBER} ({ast.unparse(found)[:40]})"
 
 
-def _is_group(target: ast.expr) -> bool:
-    return isinstance(target, ast.Name) and target.id == "GROUP"
-
-
-def _computed(expression: ast.expr) -> Any:
-    """Compute a literal, or a sum or product of whole numbers."""
-    match expression:
-        case ast.Constant(value=value):
-            return value
-        case ast.UnaryOp(op=ast.USub(), operand=operand):
-            value = _computed(operand)
-            return -value if type(value) is int else None
-        case ast.BinOp(left=left, op=ast.Add() | ast.Sub() | ast.Mult() as sign, right=right):
-            first, second = _computed(left), _computed(right)
-            if type(first) is type(second) is int:
-                return SIGNS[type(sign)](first, second)
-    return None
-
-
-SIGNS = {ast.Add: operator.add, ast.Sub: operator.sub, ast.Mult: operator.mul}
+def remark_group(submission: Submission, used: Sequence[str]) -> None:
+    """Remark for which groups answers were judged, or if none was, what was read of them."""
+    read = submission.assumed if submission.group is None else submission.group
+    group, *others = used or [str(read)]
+    if others:
+        submission.remarks.append(f"answers for several groups: {', '.join(used)}")
+        return
+    assigned, nobodys = submission.assigned, group == str(submission.assumed)
+    is_number = re.fullmatch(r"-?\d{1,9}", group)
+    if assigned is not None or not nobodys:
+        submission.group = int(group) if is_number else None
+    if assigned is None:
+        if nobodys or not is_number:
+            doubt = submission.doubt or NO_NUMBER
+            submission.remarks.append(f"{doubt}: ask for it; it was graded as {group}")
+    elif group != str(assigned):
+        submission.remarks.append(f"group {group}, and {assigned} on the roster")
+    elif submission.doubt == NOT_SET:
+        submission.remarks.append(f"{NOT_SET}: on the roster it is {assigned}")

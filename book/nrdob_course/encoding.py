@@ -12,19 +12,20 @@ import json
 import pickle
 import traceback
 import warnings
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from contextlib import suppress
 from typing import Any
 
 import control as ct
 import numpy as np
 from numpy.polynomial import Polynomial
+from scipy import signal
 
-from nrdob.diagram import DelayedTransferFunction, LowPassFilter
+from nrdob.diagram import DelayedTransferFunction, LowPassFilter, as_fraction
 from nrdob.loop import NRDOB
 
 __all__ = [
-    "BUILD", "HANDOUT", "LONGEST", "LONGEST_TEXT", "MIME", "MOST", "Foreign", "decode", "encode",
+    "BLOCKS", "BUILD", "HANDOUT", "LONGEST", "LONGEST_TEXT", "MIME", "MOST", "decode", "encode",
     "packed", "tell",
 ]  # fmt: skip
 
@@ -39,20 +40,24 @@ MOST, PARTS = 50, 2000
 
 UNORDERED = (str, bytes, set, frozenset, ct.InputOutputSystem)
 
-
-class Foreign:
-    """Stands for an answer that is none of the kinds that a problem asks for."""
-
-    def __init__(self, text: str) -> None:
-        self.text = text
-
-    def __repr__(self) -> str:
-        return self.text
+MADE_INTO: dict[str, Callable[[Any], Any]] = {
+    "__float__": float,
+    "__complex__": complex,
+    "__array__": np.asarray,
+    "as_poly": lambda v: np.poly1d([complex(c) for c in v.as_poly(*v.free_symbols).all_coeffs()]),
+}
+"""By the method which says so. To SymPy a number is also a polynomial, of a root in it."""
 
 
 def encode(value: Any) -> Any:
     """Write a value in lists, texts and numbers, each under the name of its kind.
 
+    Parameters
+    ----------
+    value : object
+
+    Examples
+    --------
     >>> encode((1, 2j))
     {'tuple': [1, {'complex': [0.0, 2.0]}]}
     >>> decode(encode(LowPassFilter(0.5, 2)))
@@ -63,34 +68,34 @@ def encode(value: Any) -> Any:
     if value is Ellipsis:
         return {"blank": True}
     if isinstance(value, np.generic):
-        return encode(value.item()) if value.dtype.kind in "biufcUS" else _other(value)
+        plain = {"f": float, "c": complex}.get(value.dtype.kind, np.generic.item)
+        return encode(plain(value)) if value.dtype.kind in "biufcUS" else _other(value)
     if isinstance(value, np.ndarray):
+        # What is left of a matrix is one again; python-control gives a number three axes.
+        value = np.asarray(value) if value.ndim <= 2 else np.asarray(value).squeeze()
         if value.dtype.kind not in "biufc":
-            return {"list": [encode(each) for each in value.tolist()]}
+            return encode(value.tolist())
         return {"array": [encode(each) for each in value.ravel()], "shape": list(value.shape)}
     if isinstance(value, tuple | list | range):
         name = "tuple" if isinstance(value, tuple) else "list"
         return {name: [encode(each) for each in value]}
-    if isinstance(value, dict):
+    if isinstance(value, Mapping):
         return {"dict": [[encode(key), encode(each)] for key, each in value.items()]}
     if isinstance(value, ct.TransferFunction) and (value.ninputs, value.noutputs) != (1, 1):
         return _other(value)
     for kind, (one, parts, _) in KINDS.items():
         if isinstance(value, one):
             return {kind: [encode(each) for each in parts(value)]}
-    if hasattr(type(value), "as_poly"):  # an expression or a polynomial of SymPy
-        poly = value.as_poly(*value.free_symbols)
-        if poly is not None and len(poly.gens) == 1:
-            return encode(np.poly1d([complex(each) for each in poly.all_coeffs()]))
     return _other(value)
 
 
 def _other(value: Any) -> Any:
-    """Write what is none of these: as a number if it says that it is one, else as its text."""
+    """Write what is none of these: as what it says it can be made into, else as its text."""
     name = type(value).__name__
-    if not isinstance(value, type) and hasattr(type(value), "__float__"):
-        with suppress(Exception):
-            return float(value)
+    for method, kind in MADE_INTO.items():
+        if hasattr(type(value), method):
+            with suppress(Exception):
+                return encode(kind(value))
     if isinstance(value, Iterable) and not isinstance(value, UNORDERED):
         return {"list": [encode(each) for each in value]}  # map, zip, dict.values()
     try:
@@ -105,6 +110,10 @@ def decode(data: Any) -> Any:
 
     What was written by something else, or is larger than any answer, is refused by a ValueError
     before anything is computed with it.
+
+    Parameters
+    ----------
+    data : object
     """
     if (count := _count(data)) > PARTS:
         raise ValueError(f"an answer of {count} parts; at most {PARTS} are read")
@@ -140,7 +149,7 @@ def _built(data: Any) -> Any:
         return {_built(key): _built(each) for key, each in parts}
     if kind == "other":
         name, text = (str(part)[:300] for part in parts)
-        return type(name, (Foreign,), {})(text)
+        return type(name, (), {"__repr__": lambda self: text})()
     if kind == "array":
         shape = [int(size) for size in data["shape"]]
         if len(shape) > 2 or max(shape, default=0) > MOST:
@@ -171,6 +180,7 @@ KINDS: dict[str, tuple[type, Callable[[Any], tuple[Any, ...]], Callable[..., Any
     "ss": (ct.StateSpace, lambda v: (v.A, v.B, v.C, v.D, v.dt), ct.StateSpace),
     "polynomial": (Polynomial, lambda v: (v.coef, v.domain, v.window), Polynomial),
     "poly1d": (np.poly1d, lambda v: (v.coeffs,), np.poly1d),
+    "lti": (signal.lti, lambda v: as_fraction(v, "it", proper=False), ct.TransferFunction),
 }  # fmt: skip
 """What has parts of its own: its type, the parts, and what is built of them."""
 
@@ -182,12 +192,23 @@ BUILD |= {"list": lambda *parts: [*parts], "tuple": lambda *parts: parts}
 
 
 def packed(case: Any) -> str:
-    """Pack a case for the way to the student's code; it is ours, so a pickle is safe there."""
+    """Pack a case for the way to the student's code; it is ours, so a pickle is safe there.
+
+    Parameters
+    ----------
+    case : object
+    """
     return base64.b64encode(pickle.dumps(case)).decode("ascii")
 
 
 def tell(answer: Any, case: str = "") -> None:
-    """Call the answer on a packed case, and publish what it returns; a value without a case."""
+    """Call the answer on a packed case, and publish what it returns; a value without a case.
+
+    Parameters
+    ----------
+    answer : object
+    case : str
+    """
     from IPython.display import publish_display_data
 
     publish_display_data({MIME: _told(answer, case)})  # type: ignore[no-untyped-call]
