@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from math import log, nan
+from math import ceil, log, nan
 
 import numpy as np
+from scipy.signal import correlate
 
 from ..numerics import FloatArray
 from .disturbance import scatter_of
@@ -13,7 +14,16 @@ from .fitting import Fit, Problem, refined
 from .parameters import Parameter, told
 from .residuals import DECISIVE
 
-__all__ = ["Judged", "chosen", "criterion", "denied_sign", "estimates", "judge", "weighed"]
+__all__ = [
+    "Judged",
+    "chosen",
+    "criterion",
+    "denied_sign",
+    "estimates",
+    "judge",
+    "mirrored",
+    "weighed",
+]
 
 ALIKE = 1.5
 """Factor between two gains that are nearly the same."""
@@ -35,6 +45,13 @@ FAR_LONGER = 3.0
 
 TOGETHER = 0.9
 """Correlation of gain and lag from which on the one is not told from the other."""
+
+OPPOSITE = -0.9
+"""Correlation of the input with itself, half a period later, from which on it is its own opposite.
+"""
+
+SETTLED = 8.0
+"""Longest lags after which nothing is left of how an input began."""
 
 SLOWNESS = {"lag", "slow lag", "natural frequency"}
 """Names of the number that tells how long the plant takes to come to rest."""
@@ -218,12 +235,49 @@ def _settling(possible: list[Judged], rival: Judged, duration: float) -> list[Ju
     return [each for each in found if each.bic < least + DECISIVE]
 
 
+def mirrored(fit: Fit, problem: Problem) -> bool:
+    """Tell whether a gain of the other sign, half a period of the input away, is about as good.
+
+    If u is its own opposite half a period later, as a square wave or a sine is, the sign is known
+    together with the dead time only, unless the plant is seen at rest before u begins to move.
+    """
+    u = problem.inputs - problem.inputs.mean()
+    count, energy = u.size, np.cumsum(u**2)
+    lags = np.arange(1, count // 4)
+    products = correlate(u, u)[count - 1 :][lags]
+    alike = products / np.sqrt(energy[-1 - lags] * (energy[-1] - energy[lags - 1]))
+    if alike.min(initial=0.0) > OPPOSITE:
+        return False
+    half = int(lags[alike.argmin()])
+    # As if u had always gone on like that.
+    period = problem.inputs[: 2 * half]
+    length = period.size * ceil((fit.shape[0] + half + SETTLED * fit.slowest) / period.size)
+    longer = Problem(
+        np.concatenate([np.resize(period, length), problem.inputs]),
+        np.concatenate([np.full(length, problem.outputs[0]), problem.outputs]),
+        np.concatenate([np.ones(length, dtype=bool), problem.used]),
+        problem.grain,
+    )
+    samples, start = problem.samples(fit.start), length + fit.start
+    for delay in fit.shape[0] + np.array([-half, half]):
+        if delay < 0:
+            continue
+        begun = replace(fit, shape=np.append(delay, fit.shape[1:]))
+        turned = [replace(begun, moving=moving) for moving in {False, fit.moving}]
+        other = weighed(turned, longer, start)
+        close = criterion(other, samples) < criterion(fit, samples) + DECISIVE
+        if close and other.linear[0] * fit.linear[0] < 0:
+            return True
+    return False
+
+
 def denied_sign(
-    best: Judged, rivals: list[Judged], judged: list[Judged], needless: bool
+    best: Judged, rivals: list[Judged], judged: list[Judged], needless: bool, turned: bool
 ) -> tuple[dict[str, Parameter], list[str]]:
     """Let the interval of the gain reach to 0, or to the gain of a rival of the other sign.
 
-    One that is clearly likelier denies the sign as well, however little it knows of the gain.
+    One that is clearly likelier denies the sign as well, however little it knows of the gain; and
+    so does the process itself, `turned` with the input.
     """
     gain = best.parameters["gain"]
     if needless:
@@ -239,12 +293,19 @@ def denied_sign(
         and np.isfinite(each.covariance).all()
     ]
     others = [each for each in rivals + likelier if each.parameters["gain"].value * gain.value < 0]
-    if not others:
+    if not (others or turned):
         return best.parameters, []
-    names = " and ".join(each.fit.structure.name for each in others)
     low, high = min(gain.low, -abs(gain.value)), max(gain.high, abs(gain.value))
-    return best.parameters | {"gain": replace(gain, low=low, high=high)}, [
+    names = " and ".join(each.fit.structure.name for each in others)
+    said = (
         f"{names} explains the record about as well with a gain of the other sign, so that the "
         "sign is open and the interval of the gain is widened: make a larger step, and let the "
         "output come to rest before and after it"
-    ]
+    )
+    if turned:
+        said = (
+            "u is its own opposite half a period later, so that a gain of the other sign with a "
+            "dead time longer or shorter by that explains the record about as well, and the sign "
+            "is open: begin the record with the plant at rest, or move u irregularly"
+        )
+    return best.parameters | {"gain": replace(gain, low=low, high=high)}, [said]

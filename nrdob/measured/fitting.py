@@ -81,6 +81,15 @@ class Problem:
         )
         return Problem(inputs.mean(axis=1), outputs.mean(axis=1), np.asarray(used.all(axis=1)), 0.0)
 
+    def liveliest(self, count: int) -> Problem:
+        """Keep so many samples in a row, where the input moves most."""
+        moves = np.abs(np.diff(self.inputs, prepend=self.inputs[0]))
+        first = count * int(
+            np.add.reduceat(moves, np.arange(0, moves.size - count, count)).argmax()
+        )
+        part = slice(first, first + count)
+        return Problem(self.inputs[part], self.outputs[part], self.used[part], self.grain)
+
     def left(self, fit: Fit) -> FloatArray:
         """Compute the residual from the first sample compared on."""
         return np.asarray(self.outputs[fit.start :] - fit.response(self.inputs))
@@ -197,8 +206,11 @@ def best_fit(structure: Structure, problem: Problem, moving: bool) -> Fit:
     factor = problem.outputs.size // LONG
     if factor > 1:
         rough = best_fit(structure, problem.thinned(factor), moving)
-        shape = structure.stretched(rough.shape, factor)
-        return _least([_search(structure, problem, rough.whitening, shape, 0, moving)], problem)
+        # In means over many samples what is fast, such as a resonance, is not seen.
+        near = best_fit(structure, problem.liveliest(LONG), True)
+        shapes = structure.stretched(rough.shape, factor), near.shape
+        fits = (_search(structure, problem, rough.whitening, each, 0, moving) for each in shapes)
+        return _least(fits, problem)
     # Where it rests a drift may hide the plant; where it moves its own motion takes that part.
     drifts = problem.dense and moving == structure.integrates
     best = [_begun(structure, problem, whitening, moving) for whitening in BEGINNINGS[: 1 + drifts]]

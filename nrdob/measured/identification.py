@@ -18,7 +18,7 @@ from threadpoolctl import threadpool_limits
 
 from ..diagram import DelayedTransferFunction, real_number
 from ..numerics import FloatArray
-from .choice import chosen, criterion, denied_sign, estimates, judge, weighed
+from .choice import chosen, criterion, denied_sign, estimates, judge, mirrored, weighed
 from .diagnostics import LITTLE, doubts, why_open
 from .fitting import FEWEST, Problem, best_fit, simple_fit
 from .parameters import CONFIDENCE, Parameter, corners_of, process_of
@@ -305,7 +305,8 @@ def _found(record: Record, structures: tuple[Structure, ...], held_out: float) -
     )  # fmt: skip
     # What it does by itself is a ramp, and so is its answer to a step as the record begins.
     alike = fit.structure.integrates and fit.moving and not np.diff(record.u)[FEWEST:].any()
-    parameters, denied = denied_sign(best, rivals, judged, needless or alike)
+    turned = not known and mirrored(fit, problem)
+    parameters, denied = denied_sign(best, rivals, judged, needless or alike, turned)
     open_gain, remedy = why_open(
         parameters["gain"], follows, best.unsettled and not (denied or needless), alike
     )

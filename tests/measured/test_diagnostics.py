@@ -5,6 +5,7 @@ from functools import cache
 import numpy as np
 import pytest
 from scipy.linalg import solve_toeplitz
+from scipy.signal import lfilter
 from scipy.stats import chi2
 
 import nrdob
@@ -624,3 +625,28 @@ def test_a_gain_that_need_not_be_there_may_be_zero():
     found = identify(np.arange(60), u, y, structure=ONE_LAG)
     gain = found.parameters["gain"]
     assert gain.low <= 0 <= gain.high and "may be zero" in found.unsure
+
+
+SQUARE = np.where(np.arange(1400) // 20 % 2 == 0, 1.0, -1.0)
+
+
+@pytest.mark.parametrize(
+    ("begins", "late", "told"),
+    [
+        (1000, 25, True),  # has always run
+        (1000, 45, True),
+        (-1, 25, False),  # one sample of rest before it
+        (-30, 25, False),
+    ],
+)
+def test_the_sign_is_open_where_a_wave_has_always_run(begins, late, told):
+    u = np.concatenate([np.zeros(max(-begins, 0)), SQUARE])
+    forced = np.concatenate([np.zeros(late), u])[: u.size]
+    y = lfilter([0.0, 2 * (1 - np.exp(-0.1))], [1.0, -np.exp(-0.1)], forced)
+    y += 0.05 * np.random.default_rng(0).standard_normal(y.size)
+    part = slice(max(begins, 0), max(begins, 0) + 400)
+    found = identify(np.arange(400), u[part], y[part], structure=ONE_LAG)
+    gain = found.parameters["gain"]
+    assert any("opposite half a period later" in each for each in found.remarks) is told
+    assert (gain.low <= 0 <= gain.high) is told is bool(found.unsure)
+    assert told or gain.low < 2 < gain.high

@@ -6,7 +6,7 @@ from functools import cache
 import numpy as np
 import pytest
 from scipy.optimize import least_squares
-from scipy.signal import lfilter
+from scipy.signal import cont2discrete, lfilter
 from threadpoolctl import threadpool_info, threadpool_limits
 
 import nrdob
@@ -440,3 +440,18 @@ def test_small_matrices_do_not_wait_for_other_threads(monkeypatch):
         with pytest.raises(ZeroDivisionError):
             identify(*heated_air(), structure="one lag with dead time")
         assert seen == [{1}] and threads() == {2}
+
+
+@pytest.mark.slow
+def test_a_resonance_that_is_fast_against_a_long_record_is_found():
+    # Nine samples a period, and 20,000 samples: in means over ten of them nothing is left of it.
+    rng = np.random.default_rng(0)
+    u = rng.standard_normal(20_000)
+    omega = 2 * np.pi / 9
+    num, den, _ = cont2discrete(([2 * omega**2], [1, 0.1 * omega, omega**2]), 1.0)
+    y = lfilter(num.ravel(), den, u)
+    y += 0.05 * y.std() * rng.standard_normal(y.size)
+    found = identify(np.arange(y.size), u, y, structure="two lags with dead time")
+    gain, frequency, damping, dead_time = (p.value for p in found.parameters.values())
+    assert (gain, frequency, damping) == pytest.approx((2.0, omega, 0.05), rel=0.01)
+    assert dead_time < 0.01 and found.fit_percent > 90
