@@ -201,26 +201,36 @@ def _called(k: int, heads: Sequence[str]) -> str:
 
 
 def _asked(column: str | int, what: str, heads: Sequence[str], listed: str) -> tuple[int, str]:
-    """Find a column by its name or number, maybe with a unit behind it: "2 [ms]"."""
-    bare, unit = str(column).strip(), ""
-    for attempt in range(2):
-        if isinstance(column, str):
-            for same in (str, str.lower, _base):
-                hits = [k for k, head in enumerate(heads) if head and same(head) == same(bare)]
-                if len(hits) > 1:
-                    raise ValueError(
-                        f"{listed}; {len(hits)} of them are called {short(bare)!r}: give the "
-                        f"number of the one for {what}, such as {what}={hits[0] + 1}"
-                    )
-                if hits:
-                    return hits[0], unit
+    """Find a column by its name or number, maybe with a unit of time behind it: "2 [ms]"."""
+    whole = str(column).strip()
+    behind = re.fullmatch(r"(.+?)\s*[\[(]\s*(\w+)\s*[\])]", whole) if what == "t" else None
+    # What stands in brackets may be part of the heading, and else is a unit.
+    attempts = [(whole, "")] + ([(behind[1], behind[2])] if behind else [])
+    for bare, unit in attempts:
+        likes = (str, str.lower, _base) if unit or not behind else (str, str.lower)
+        for same in likes if isinstance(column, str) else ():
+            hits = [k for k, head in enumerate(heads) if head and same(head) == same(bare)]
+            if len(hits) > 1:
+                raise ValueError(
+                    f"{listed}; {len(hits)} of them are called {short(bare)!r}: give the "
+                    f"number of the one for {what}, such as {what}={hits[0] + 1}"
+                )
+            if hits:
+                _check_unit(heads[hits[0]], unit, hits[0] + 1)
+                return hits[0], unit
         if re.fullmatch(r"\d+", bare) and 1 <= int(bare) <= len(heads):
             return int(bare) - 1, unit
-        behind = re.fullmatch(r"(.+?)\s*[\[(]\s*(\w+)\s*[\])]", bare)
-        if attempt or behind is None or what != "t":
-            break
-        bare, unit = behind[1], behind[2]
     raise ValueError(f"{listed}; there is no {short(str(column))!r}, which is asked for as {what}")
+
+
+def _check_unit(head: str, unit: str, number: int) -> None:
+    """Refuse a unit that is not that of the heading by which the column is called."""
+    named = _unit(head) if unit else ""
+    if named in UNITS and UNITS[named] != UNITS.get(unit.lower()):
+        raise ValueError(
+            f"t is asked for in {short(unit)}, and its heading, {short(head)!r}, says {named}: "
+            f'leave the unit out, or overrule the heading with "t={number} [{unit}]"'
+        )
 
 
 def _candidates(what: str, heads: Sequence[str], taken: Iterable[int]) -> list[int]:

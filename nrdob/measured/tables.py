@@ -9,6 +9,7 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from itertools import product
 from math import isfinite
 from os import PathLike
 from pathlib import Path
@@ -30,8 +31,9 @@ __all__ = ["heated_air", "read_data"]
 EXCEL_DAYS = (30_000.0, 60_000.0)
 # Until then whole milliseconds, microseconds and nanoseconds since 1970 are told by their size.
 EPOCHS = {"ms": 1e14, "us": 1e17, "ns": np.inf}
-PARTED = re.compile(r"[+-]?[1-9]\d{0,2}(\.\d{3})+")  # maybe thousands
-DECIMAL = re.compile(r"[+-]?\d+,\d+")
+# What may be thousands that a mark parts, and what has decimals behind it.
+PARTED = {mark: re.compile(rf"[+-]?[1-9]\d{{0,2}}([{mark}]\d{{3}})+") for mark in ".,"}
+DECIMAL = {mark: re.compile(rf"[+-]?\d+[{mark}]\d+") for mark in ".,"}
 SWITCHED = {"off": 0, "false": 0, "on": 1, "true": 1}
 HEATED_AIR_STEP = 0.08
 
@@ -247,17 +249,23 @@ def _switched(sheet: Sheet, column: int) -> tuple[Sheet, tuple[str, ...]]:
 
 
 def _check_marks(sheet: Sheet, order: Mapping[str, int]) -> None:
-    """Refuse points that may part thousands, where another column has decimal commas."""
+    """Refuse what may part thousands, where another column has it the other way round."""
     cells = {what: [row[k].strip() for row in sheet.rows[:SEEN]] for what, k in order.items()}
-    commas = [(what, cell) for what in cells for cell in cells[what] if DECIMAL.fullmatch(cell)]
-    for what, each in cells.items():
-        pointed = [k for k, cell in enumerate(each) if "." in cell]
-        if commas and pointed and all(PARTED.fullmatch(each[k]) for k in pointed):
-            other, comma = commas[0]
+    for what, (mark, called, other) in product(cells, ((".", "point", ","), (",", "comma", "."))):
+        marked = [k for k, cell in enumerate(cells[what]) if mark in cell]
+        decimals = (
+            (beside, cell)
+            for beside in cells
+            for cell in cells[beside] * (beside != what)
+            if DECIMAL[other].fullmatch(cell)
+        )
+        if not marked or not all(PARTED[mark].fullmatch(cells[what][k]) for k in marked):
+            continue
+        for beside, cell in decimals:
             raise ValueError(
-                f"line {sheet.lines[pointed[0]]}: {what} is {short(each[pointed[0]])!r}, which may "
-                f"have a point between thousands where {other} has {short(comma)!r}: use one "
-                "decimal mark, and no separator of thousands"
+                f"line {sheet.lines[marked[0]]}: {what} is {short(cells[what][marked[0]])!r}, "
+                f"which may have a {called} between thousands where {beside} has "
+                f"{short(cell)!r}: use one decimal mark, and no separator of thousands"
             )
 
 
@@ -321,15 +329,18 @@ def _check_decimals(sheet: Sheet, what: str, cells: Sequence[str]) -> None:
             f"line {sheet.lines[k]}: {what} is {short(cells[k])!r} where another line has "
             f"{short(cells[other])!r}: use one decimal mark, and no separator of thousands"
         )
-    thousands = [k for k in commas if re.fullmatch(r"[+-]?[1-9]\d{0,2}(,\d{3})+", cells[k])]
     unlike = len(commas) < len(cells) or sheet.separator == ","
-    if thousands and thousands == commas and unlike:
-        k = thousands[0]
-        raise ValueError(
-            f"line {sheet.lines[k]}: {what} is {short(cells[k])!r}, which may be "
-            f"{cells[k].replace(',', '.')} or {cells[k].replace(',', '')}: write thousands without "
-            "a separator, and decimals with a point"
-        )
+    # Who leaves out the zeros of 950.000 leaves out that of 1.150, too, if it is a decimal.
+    hundreds = [bool(re.fullmatch(r"[+-]?[1-9]\d\d", cell)) for cell in cells]
+    grown = any(hundreds) and any(cells[k].endswith("0") for k in points)
+    for mark, marked, doubtful in ((",", commas, unlike), (".", points, grown)):
+        if marked and doubtful and all(PARTED[mark].fullmatch(cells[k]) for k in marked):
+            cell = cells[marked[0]]
+            raise ValueError(
+                f"line {sheet.lines[marked[0]]}: {what} is {short(cell)!r}, which may be "
+                f"{cell.replace(',', '.')} or {cell.replace(mark, '')}: write thousands without "
+                "a separator, and decimals with a point"
+            )
 
 
 def _times(sheet: Sheet, choice: Choice) -> tuple[FloatArray, tuple[str, ...]]:

@@ -1,5 +1,6 @@
 """Tables as they are found: read right, or refused in a sentence with the remedy."""
 
+import re
 from datetime import datetime, timedelta
 
 import numpy as np
@@ -251,6 +252,14 @@ REFUSED = {
         replaced(lambda k: f"{k};{k // 7 % 2};{format(990 + k, ',')}", "t;u;y"),
         "line 12: y is '1,000', which may be 1.000 or 1000",
     ),
+    "thousands beside decimal points": (
+        replaced(lambda k: f"{k}.5;{k // 7 % 2};5,00{k % 5}", "t;u;y"),
+        "line 2: y is '5,000', which may have a comma between thousands where t has '0.5'",
+    ),
+    "thousands by points beside smaller numbers": (
+        replaced(lambda k: f"{k};{k // 7 % 2};{f'{950 + 5 * k:,}'.replace(',', '.')}", "t;u;y"),
+        "line 12: y is '1.000', which may be 1.000 or 1000: write thousands without",
+    ),
     "decimal commas beside commas": (
         replaced(lambda k: f"{k},0,{k // 7 % 2},5,{k % 5},5"),
         "line 2 has 6 cells where the first has 3; .*semicolons",
@@ -451,6 +460,46 @@ def test_the_unit_of_times_may_be_said(tmp_path):
     record = read_data(path, columns={"t": "1 [min]", "u": "2", "y": 3})
     assert record.t == pytest.approx(T)
     assert record.remarks == () and "times are in min" in record.notes[0]
+
+
+@pytest.mark.parametrize(
+    ("heading", "asked", "last"),
+    [
+        ("time,u,y", "time [ms]", 0.059),
+        ("Time,u,y", "time(min)", 59 * 60),
+        ("time [ms],u,y", "time [ms]", 0.059),
+        ("time [ms],u,y", "Time (msec)", 0.059),
+        ("time [ms],u,y", "time", 0.059),
+        ("time [ms],u,y", "1 [s]", 59),
+    ],
+)
+def test_the_unit_behind_a_heading_is_heeded(tmp_path, heading, asked, last):
+    path = tmp_path / "data.csv"
+    path.write_text(replaced(lambda k: GOOD[k], heading))
+    assert read_data(path, columns={"t": asked}).t[-1] == pytest.approx(last)
+
+
+def test_a_unit_that_contradicts_the_heading_is_refused(tmp_path):
+    path = tmp_path / "data.csv"
+    path.write_text(replaced(lambda k: GOOD[k], "time [s],u,y"))
+    with pytest.raises(ValueError, match=r"in ms, and its heading, 'time \[s\]', says s: .*1 \[ms"):
+        read_data(path, columns={"t": "time [ms]"})
+
+
+def test_what_is_told_of_a_unit_helps(tmp_path):
+    path = tmp_path / "data.csv"
+    path.write_text(replaced(lambda k: f"{1700000000000 + 500 * k},{k // 7 % 2},{k % 5}", "t,u,y"))
+    with pytest.raises(ValueError, match="can hardly be seconds") as refused:
+        read_data(path)
+    (told,) = re.findall(r'--columns "t=(.*?)"', str(refused.value))
+    assert read_data(path, columns={"t": told}).t[-1] == pytest.approx(29.5)
+
+
+def test_decimals_that_might_be_thousands_stay_decimals(tmp_path):
+    path = tmp_path / "data.csv"
+    for cells in (("0", "33.333", "66.667", "100"), ("0", "1.150", "1.160", "2"), ("1.250", "99")):
+        path.write_text(replaced(lambda k, cells=cells: f"{k};{cells[k % len(cells)]};{k % 5}.5"))
+        assert read_data(path).u[: len(cells)].tolist() == [float(cell) for cell in cells]
 
 
 def test_what_is_taken_for_granted_is_said(tmp_path):
