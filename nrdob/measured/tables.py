@@ -9,6 +9,7 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from datetime import datetime
 from itertools import product
 from math import isfinite
 from os import PathLike
@@ -27,10 +28,17 @@ from .textfiles import SEEN, Sheet, read_sheet
 
 __all__ = ["heated_air", "read_data"]
 
-# Days since 1900, as spreadsheets count them, of the years 1982 to 2064.
-EXCEL_DAYS = (30_000.0, 60_000.0)
+# Days since 1970, 1900 (of spreadsheets, in the years 1982 to 2064), the year 0 and 4713 BC, and
+# the steps below which they are taken for such, if they have decimals and last less than ten.
+DAYS = {
+    (1e4, 3e4): 1e-2, (3e4, 6e4): np.inf, (7.2e5, 7.6e5): 1e-2, (2.4e6, 2.5e6): 1e-2,
+}  # fmt: skip
 # Until then whole milliseconds, microseconds and nanoseconds since 1970 are told by their size.
 EPOCHS = {"ms": 1e14, "us": 1e17, "ns": np.inf}
+# Units of 100 ns since 1601 and the year 1, of the years 1981 to 2044 and 1965 to 2060.
+TICKS = ((1.2e17, 1.4e17), (6.2e17, 6.5e17))
+# Steps of times that are hardly seconds, and those from which on the unit is rather ns than us.
+DAY, NANO = 86400.0, 1e8
 # What may be thousands that a mark parts, and what has decimals behind it.
 PARTED = {mark: re.compile(rf"[+-]?[1-9]\d{{0,2}}([{mark}]\d{{3}})+") for mark in ".,"}
 DECIMAL = {mark: re.compile(rf"[+-]?\d+[{mark}]\d+") for mark in ".,"}
@@ -351,8 +359,9 @@ def _times(sheet: Sheet, choice: Choice) -> tuple[FloatArray, tuple[str, ...]]:
         times, first = seconds_in(cells, lambda k: f"line {sheet.lines[k]}")
         return times, (f"t is in seconds since {first}, the time of the first row",)
     times, within = _numbers(sheet, "t", column)
-    below = sheet.units[column].strip() if column < len(sheet.units) else ""
-    unit = choice.unit or below.strip(" []()").lower() or within
+    below = sheet.units[column] if column < len(sheet.units) else ""
+    # Dashes and colons draw the line below the headings of a table in a text.
+    unit = choice.unit or below.strip(" \t[]()-=:").lower() or within
     if not unit:
         return _without_unit(times, sheet.heads[column] if sheet.heads else "")
     seconds = UNITS.get(unit.lower())
@@ -375,17 +384,41 @@ def _times(sheet: Sheet, choice: Choice) -> tuple[FloatArray, tuple[str, ...]]:
 
 def _without_unit(times: FloatArray, head: str) -> tuple[FloatArray, tuple[str, ...]]:
     """Take seconds, unless the numbers can hardly be that."""
-    if times.size > 1:
-        start, span = times[0], np.ptp(times)
-        days = EXCEL_DAYS[0] <= start <= EXCEL_DAYS[1] and start % 1 and span < 10
-        date = head.lower().startswith("date") and start < 1e8
-        if days or date or start >= 1e11:
-            since = next(unit for unit, most in EPOCHS.items() if start < most)
-            guess = "d" if days or date else since
-            raise ValueError(
-                f"t begins with {start:.12g} and its unit is not named; this can hardly be "
-                f"seconds: name the unit in the heading, or say it, such as --columns "
-                f'"t={short(head) or 1} [{guess}]" (in Python columns={{"t": '
-                f'"{short(head) or 1} [{guess}]"}})'
-            )
-    return times, ("no unit of time is named; seconds were taken",)
+    said = "no unit of time is named; seconds were taken"
+    if times.size < 2:
+        return times, (said,)
+    start, span, step = times[0], np.ptp(times), float(np.median(np.abs(np.diff(times))))
+    days = span < 10 and (times % 1).any() and any(
+        low <= start <= high and step < most for (low, high), most in DAYS.items()
+    )  # fmt: skip
+    date = head.lower().startswith("date") and start < 1e8
+    if not (days or date or start >= 1e11 or step > DAY):
+        return times, (said,)
+    begins = f"t begins with {start:.17g} and its unit is not named; "
+    if moment := _written_together(start):
+        raise ValueError(
+            f"{begins}it looks like {moment} without the marks between: write times with them, or "
+            "in seconds"
+        )
+    if any(low <= start <= high for low, high in TICKS):
+        raise ValueError(
+            f"{begins}it looks like a count of 100 ns: divide by 10000000, and write seconds from "
+            f"the first row on; or, if the samples are even, {SAMPLING}"
+        )
+    since = next(unit for unit, most in EPOCHS.items() if start < most)
+    guess = "d" if days or date else since if start >= 1e11 else "us" if step < NANO else "ns"
+    raise ValueError(
+        f"t begins with {start:.12g}, with steps of {step:.5g}, and its unit is not named; this "
+        f"can hardly be seconds: name the unit in the heading, or say it, such as --columns "
+        f'"t={short(head) or 1} [{guess}]" (in Python columns={{"t": '
+        f'"{short(head) or 1} [{guess}]"}})'
+    )
+
+
+def _written_together(number: float) -> str:
+    """Read a number as year, month, day, hour, minute and second; empty if it is none."""
+    try:
+        together = f"{int(number):014}"  # two digits each, and four of the year
+        return str(datetime.strptime(together, "%Y%m%d%H%M%S")) if number >= 1e13 else ""
+    except ValueError:
+        return ""

@@ -162,6 +162,9 @@ DRESSES = {
         lambda k, t, u, y: (f"{1e3 * t:.0f}", f"{u}", f"{1e3 * t:.0f}", f"{y}"), "\t"),
         {"columns": {"t": "1 [ms]"}},
     ),
+    "bars and a line of dashes": (
+        lines("| t | u | y |\n|---|:-:|--:|", lambda *e: ("", *plain(*e), ""), "|"), {},
+    ),
     "a word between headings and numbers": (lines("t,u,y\n[Data]", plain), {}),
     "minutes and seconds": (
         lines("Time,u,y", lambda k, t, u, y: (f"{t // 60:02.0f}:{t % 60:04.1f}", f"{u}", f"{y}")),
@@ -331,6 +334,38 @@ REFUSED = {
         replaced(lambda k: f"{45322.5 + k / 86400:.7f},{k // 7 % 2},{k % 5}", "Time,u,y"),
         "can hardly be seconds: .* --columns .t=Time \\[d\\]",
     ),
+    "days of a spreadsheet from midnight on": (
+        replaced(lambda k: f"{45322 + k / 86400:.8f},{k // 7 % 2},{k % 5}", "Time,u,y"),
+        "45322, with steps of 1.157e-05, .* can hardly be seconds: .* --columns .t=Time \\[d\\]",
+    ),
+    "days since the year 0": (
+        replaced(lambda k: f"{739282.5 + k / 172800:.8f},{k // 7 % 2},{k % 5}", "Time,u,y"),
+        "can hardly be seconds: .* --columns .t=Time \\[d\\]",
+    ),
+    "Julian dates": (
+        replaced(lambda k: f"{2460340.99 + k / 172800:.8f},{k // 7 % 2},{k % 5}", "Time,u,y"),
+        "can hardly be seconds: .* --columns .t=Time \\[d\\]",
+    ),
+    "days since 1970": (
+        replaced(lambda k: f"{19753.49 + k / 172800:.8f},{k // 7 % 2},{k % 5}", "Time,u,y"),
+        "can hardly be seconds: .* --columns .t=Time \\[d\\]",
+    ),
+    "nanoseconds from 0 on": (
+        replaced(lambda k: f"{500000000 * k},{k // 7 % 2},{k % 5}"),
+        "with steps of 5e.08, .* can hardly be seconds: .* \\[ns\\]",
+    ),
+    "counts of 100 ns": (
+        replaced(lambda k: f"{638422991100000000 + 5000000 * k},{k // 7 % 2},{k % 5}"),
+        "looks like a count of 100 ns: divide by 10000000, .* give the sampling time",
+    ),
+    "counts of 100 ns since 1601": (
+        replaced(lambda k: f"{133512345000000000 + 5000000 * k},{k // 7 % 2},{k % 5}"),
+        "looks like a count of 100 ns",
+    ),
+    "a date without marks": (
+        replaced(lambda k: f"202401311200{k:02}.25,{k // 7 % 2},{k % 5}"),
+        "begins with 20240131120000.25 .* looks like 2024-01-31 12:00:00 without the marks",
+    ),
     "Unix times of no unit": (
         replaced(lambda k: f"{1700000000000 + 1000 * k},{k // 7 % 2},{k % 5}", "t,u,y"),
         "can hardly be seconds: .* \\[ms\\]",
@@ -477,6 +512,13 @@ def test_the_unit_behind_a_heading_is_heeded(tmp_path, heading, asked, last):
     path = tmp_path / "data.csv"
     path.write_text(replaced(lambda k: GOOD[k], heading))
     assert read_data(path, columns={"t": asked}).t[-1] == pytest.approx(last)
+
+
+def test_times_that_begin_like_days_are_seconds_if_their_steps_say_so(tmp_path):
+    path = tmp_path / "data.csv"
+    for begin, step in ((20000.5, 0.1), (739282, 0.1), (2460340, 1), (45322, 1), (0, 86400)):
+        path.write_text(replaced(lambda k, b=begin, s=step: f"{b + s * k},{k // 7 % 2},{k % 5}"))
+        assert np.ptp(read_data(path).t) == pytest.approx(59 * step)
 
 
 def test_a_unit_that_contradicts_the_heading_is_refused(tmp_path):
