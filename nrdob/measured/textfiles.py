@@ -31,6 +31,11 @@ LABELLED = re.compile(rf"([^\W\d]\w*)\s*[:=]\s*({NUMBER.pattern})")
 PLOTTED = re.compile(rf"((?:{STAMP.pattern})?)((?:{LABELLED.pattern}[\s,;|]*){{2,}})")
 MARKUP = re.compile(r"\s*(\{|\[\s*[\[{]|<)")
 MOST_BREAKS = 3  # lines over which a cell in quotes may go on
+# What tells of columns with a number for each.
+DESCRIBING = (
+    "min", "max", "minimum", "maximum", "mean", "average", "std", "range", "gain", "scale",
+    "factor", "offset", "port", "channel", "ch", "id",
+)  # fmt: skip
 UPPERS = 3  # lines of text above the numbers among which the headings are
 
 
@@ -264,9 +269,15 @@ def _layout(rows: Sequence[Sequence[str]]) -> tuple[int, int | None, int | None]
     above: list[int] = []
     for k in reversed(range(first)):
         lone = sum(bool(cell.strip()) for cell in rows[k]) < 2
+        name = rows[k][0].strip().lower()
         # Between headings and numbers an instrument may tell of the columns: "Port 851 851".
-        described = values[k] and numbered and not is_value(rows[k][0])
-        if not above and (lone or (described and rows[k][0].strip().lower() not in ABSENT)):
+        described = values[k] and numbered and not is_value(name) and name not in ABSENT
+        # One that has all its numbers is rather a sample, at "start" or "T-10", to be refused.
+        full = len(rows[k]) == width > 2 and values[k] == width - 1
+        if described and full and k == first - 1 and name not in DESCRIBING:
+            first = k
+            continue
+        if not above and (lone or described):
             continue
         # The last one may have nothing below it: comments, where there are none.
         if values[k] or lone or len(rows[k]) > width + 1 or len(above) == UPPERS:

@@ -165,6 +165,27 @@ DRESSES = {
     "bars and a line of dashes": (
         lines("| t | u | y |\n|---|:-:|--:|", lambda *e: ("", *plain(*e), ""), "|"), {},
     ),
+    "times before a trigger": (
+        lines("Time;u;y", lambda k, t, u, y: (
+            f"{'-' if t < 5 else ''}00:0{abs(t - 5) // 60:.0f}:{abs(t - 5) % 60:05.2f}",
+            *plain(k, t, u, y)[1:],
+        ), ";"), {},
+    ),
+    "times before a trigger, in minutes and seconds": (
+        lines("Time,u,y", lambda k, t, u, y: (
+            f"{'-' if t < 5 else ''}0{abs(t - 5) // 60:.0f}:{abs(t - 5) % 60:04.1f}",
+            *plain(k, t, u, y)[1:],
+        )), {},
+    ),
+    "times before a trigger, by pandas": (
+        lines("Time,u,y", lambda k, t, u, y: (
+            f"{'-1 days +23:59:' if t < 5 else f'0 days +00:0{(t - 5) // 60:.0f}:'}"
+            f"{(t - 5) % 60:07.4f}", f"{u}", f"{y}",
+        )), {},
+    ),
+    "what tells of the columns": (
+        lines("t,u,y\ns,%,K\nMin,0,0\nMax,100,60", plain), {},
+    ),
     "a word between headings and numbers": (lines("t,u,y\n[Data]", plain), {}),
     "minutes and seconds": (
         lines("Time,u,y", lambda k, t, u, y: (f"{t // 60:02.0f}:{t % 60:04.1f}", f"{u}", f"{y}")),
@@ -325,6 +346,14 @@ REFUSED = {
     ),
     "no headings, another order": (
         replaced(lambda k: f"{k // 7 % 2},{k % 5},{k}", "0,0,-1"), "t goes .*--columns t=1,u=2",
+    ),
+    "a first sample at no time": (
+        replaced(lambda k: f"{k - 1 if k else 'start'},{k // 7 % 2},{k % 5}"),
+        "line 2: t is 'start', which is no finite number; cut the record there, take the line out",
+    ),
+    "a countdown": (
+        replaced(lambda k: f"{k - 9 if k > 8 else f'T-{9 - k}'};{k // 7 % 2};{k % 5},5"),
+        "line 2: t is 'T-9', which is no finite number",
     ),
     "numbers among dates": (
         spoilt(2, "2024-01-31 12:00:00,1,0"), "line 3: t is '1', which is no time like",
