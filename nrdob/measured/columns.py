@@ -29,6 +29,11 @@ SIGNALS = {
 """Headings of input and output, without units and in small letters; with numbers if there are
 several."""
 
+# First words of headings beside which input and output may be those of a controller.
+SET_POINTS = ("setpoint", "set", "sp", "reference", "sollwert")
+CONTROLLER = {"u": ("output", "out", "ausgang"), "y": ("input", "in", "eingang")}
+DOUBTFUL = {name for names in CONTROLLER.values() for name in names}
+
 LIKELY = {
     "u": (
         "q", "heater", "valve", "dac", "pwm", "duty", "esc", "voltage", "effort", "command", "co",
@@ -37,6 +42,7 @@ LIKELY = {
     "y": (
         "t", "temp", "temperature", "level", "flow", "pressure", "adc", "angle", "speed", "rpm",
         "velocity", "position", "feedback", "measured", "actual",
+        "process",
     ),
 }  # fmt: skip
 """Words in headings of which the example in a question is made; nothing is taken for them."""
@@ -44,7 +50,8 @@ LIKELY = {
 # Headings of columns that number the rows: never taken for times.
 COUNTERS = (
     "sample", "samples", "index", "n", "k", "i", "no", "nr", "step", "count", "row", "id",
-    "entry_id",
+    "entry_id", "scan", "tick", "unnamed: 0", "sample number", "sample no", "scan number",
+    "row number",
 )  # fmt: skip
 SAMPLING = "give the sampling time (--sampling-time 0.1; in Python sampling_time=0.1)"
 EXAMPLES = {"t": "Time", "u": "Q1", "y": "T1"}
@@ -121,7 +128,7 @@ def chosen(
         for k in range(width)
         if k not in {*order.values(), *moments, *blank}
         if not any(k in each for each in several.values())
-        if not titled or (heads[k] and heads[k].lower() not in COUNTERS)
+        if not titled or (heads[k] and heads[k].lower().rstrip(". #") not in COUNTERS)
     ]
     lacking = [what for what in wanted if what not in order and what not in several]
     if "t" in lacking:  # a unit of time says more than the order
@@ -160,6 +167,7 @@ def _question(
                 f"name the column that holds it, such as {_option({'t': left[0], **order}, heads)}"
             )
         return f"and no time: {add}, or {SAMPLING}"
+    controlled = _controlled(heads)
     example = {**order, **{what: each[0] for what, each in several.items()}}
     more = f"; without times {SAMPLING}" if "t" in lacking else ""
     if len(left) < len(lacking):
@@ -169,11 +177,10 @@ def _question(
         return f"{len(wanted)} are needed: {', '.join(wanted)}{more}"
     for what in lacking:
         free = [k for k in left if k not in example.values()]
-        likely = (
-            k
-            for k in free
-            if not {*LIKELY.get(what, ()), *SIGNALS.get(what, ())}.isdisjoint(_words(heads[k]))
-        )
+        names = {*LIKELY.get(what, ()), *SIGNALS.get(what, ())}
+        if controlled:
+            names = names - DOUBTFUL | {*CONTROLLER.get(what, ())}
+        likely = (k for k in free if not names.isdisjoint(_words(heads[k])))
         example[what] = next(likely, free[0])
     asks = [
         f"{what} may be {' or '.join(_called(k, heads) for k in each)}"
@@ -181,6 +188,8 @@ def _question(
     ]
     if lacking:
         asks.append(f"which holds {', '.join(lacking)} is not known")
+    if lacking and controlled:
+        asks.append("beside a set point, input and output may be those of the controller")
     return f"{'; '.join(asks)}: choose, such as {_option(example, heads)}{more}"
 
 
@@ -238,13 +247,21 @@ def _candidates(what: str, heads: Sequence[str], taken: Iterable[int]) -> list[i
     rest = [(k, head) for k, head in enumerate(heads) if k not in set(taken)]
     if what == "t":
         found = [k for k, head in rest if _is_time(head) == 2]
-        if len(found) > 1:  # a date beside the time of day
-            found = [k for k in found if _words(heads[k])[0] != "date"] or found
+        if len(found) > 1:  # a date beside the time of day, a fraction beside seconds
+            beside = ("date", "nanosec", "nsec")
+            found = [k for k in found if _words(heads[k])[0] not in beside] or found
         found = found or [k for k, head in rest if _is_time(head) == 1]
     else:
-        found = [k for k, head in rest if _signal(head, what)]
+        doubtful = DOUBTFUL if _controlled(heads) else set()
+        found = [k for k, head in rest if _signal(head, what) and _base(head) not in doubtful]
     exact = [k for k in found if heads[k] == what]
     return exact if len(exact) == 1 else found
+
+
+def _controlled(heads: Iterable[str]) -> bool:
+    """Whether input and output may be those of a controller: a set point is beside them."""
+    first = {word for head in heads for word in _words(head)[:1]}
+    return not (first.isdisjoint(SET_POINTS) or DOUBTFUL.isdisjoint(map(_base, heads)))
 
 
 def _words(head: str) -> list[str]:

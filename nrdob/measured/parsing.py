@@ -20,8 +20,8 @@ LONGEST = 60  # characters of a cell or a heading that a message repeats
 UNITS = {
     unit: seconds
     for units, seconds in (
-        (("ns", "nanos", "nanosecond", "nanoseconds"), 1e-9),
-        (("us", "µs", "μs", "micros", "microsecond", "microseconds"), 1e-6),
+        (("ns", "nsec", "nanos", "nanosec", "nanosecond", "nanoseconds"), 1e-9),
+        (("us", "µs", "μs", "usec", "micros", "microsec", "microsecond", "microseconds"), 1e-6),
         (("ms", "msec", "millis", "millisecond", "milliseconds"), 1e-3),
         (("s", "sec", "secs", "second", "seconds", "sekunden"), 1.0),
         (("min", "mins", "minute", "minutes", "minuten"), 60.0),

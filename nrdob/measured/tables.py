@@ -393,7 +393,8 @@ def _without_unit(times: FloatArray, head: str) -> tuple[FloatArray, tuple[str, 
     )  # fmt: skip
     date = head.lower().startswith("date") and start < 1e8
     if not (days or date or start >= 1e11 or step > DAY):
-        return times, (said,)
+        counted = start in (0, 1) and (np.diff(times) == 1).all()
+        return times, (f"{said}: 1 s a sample is assumed" if counted else said,)
     begins = f"t begins with {start:.17g} and its unit is not named; "
     if moment := _written_together(start):
         raise ValueError(

@@ -145,6 +145,12 @@ DRESSES = {
         lines("t\tu\ty", lambda k, *e: (
             *plain(k, *e)[:2], f"{e[2]}" + " # switched, or not" * (k % 40 == 0)), "\t"), {},
     ),
+    "microseconds since the start": (lines("time_usec,u,y", in_unit(1e-6)), {}),
+    "nanoseconds": (lines("nanosec,u,y", in_unit(1e-9)), {}),
+    "seconds and a fraction that is not needed": (
+        lines("sec,nanosec,u,y", lambda k, t, u, y: (f"{t}", "0", f"{u}", f"{y}")), {},
+    ),
+    "currents and speeds": (lines("time,i [A],n [rpm]", plain), {}),
     "microseconds": (lines("micros,u,y", in_unit(1e-6)), {}),
     "missing values": (
         lines("t,u,y", lambda k, t, u, y: (
@@ -340,6 +346,21 @@ REFUSED = {
     ),
     "rows that are numbered": (
         replaced(lambda k: GOOD[k], "sample,u,y"), "no time: add a column t in seconds, or give",
+    ),
+    "rows that pandas numbered": (
+        replaced(lambda k: GOOD[k], "Unnamed: 0,u,y"), "no time: add a column t in seconds",
+    ),
+    "rows that are numbered in words": (
+        replaced(lambda k: GOOD[k], "Sample Number,u,y"), "no time: add a column t in seconds",
+    ),
+    "rows of a scanner": (replaced(lambda k: GOOD[k], "Scan,u,y"), "no time: add a column t"),
+    "input and output of a controller": (
+        replaced(lambda k: f"{k},40,{k % 5},{k // 7 % 2}", "Time,Setpoint,Input,Output"),
+        "u, y is not known; beside a set point, input and .* such as .* t=Time,u=Output,y=Input;",
+    ),
+    "output of a controller": (
+        replaced(lambda k: f"{k},40,{k % 5},{k // 7 % 2}", "Time,SP_INT,PV_IN,OUT"),
+        "choose, such as .* t=Time,u=OUT,y=PV_IN;",
     ),
     "thousands in quotes": (
         replaced(lambda k: f'{k},{k // 7 % 2},"{1990 + k:,}"'), "may be 1.990 or 1990",
@@ -548,6 +569,14 @@ def test_times_that_begin_like_days_are_seconds_if_their_steps_say_so(tmp_path):
     for begin, step in ((20000.5, 0.1), (739282, 0.1), (2460340, 1), (45322, 1), (0, 86400)):
         path.write_text(replaced(lambda k, b=begin, s=step: f"{b + s * k},{k // 7 % 2},{k % 5}"))
         assert np.ptp(read_data(path).t) == pytest.approx(59 * step)
+
+
+def test_times_that_count_the_rows_are_seconds_only_by_assumption(tmp_path):
+    path = tmp_path / "data.csv"
+    for step, said in ((1, "1 s a sample is assumed"), (0.5, "seconds were taken")):
+        path.write_text(replaced(lambda k, step=step: f"{step * k},{k // 7 % 2},{k % 5}"))
+        (note,) = read_data(path).notes
+        assert said in note and ("1 s a" in note) == (step == 1)
 
 
 def test_a_unit_that_contradicts_the_heading_is_refused(tmp_path):
