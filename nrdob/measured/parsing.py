@@ -41,8 +41,11 @@ NUMBER = re.compile(r"[+-]?(\d+([.,]\d+|\.)?|[.,]\d+)(e[+-]?\d+)?", re.I)
 # With three figures in each group behind the first, and maybe decimals.
 THOUSANDS = re.compile(r"[+-]?[1-9]\d{0,2}([\s.,'’]\d{3})+([.,]\d*)?")
 
+# Digits of a unit are exponents, as in "m3/h", "m/s^2" or "min-1", and a blank stands before it.
 MEASURED = re.compile(
-    rf"(?P<number>{NUMBER.pattern})\s*(?P<unit>([^\W\d_]|[°%])([^\W\d_]|[°%/²³]){{0,7}})?", re.I
+    rf"(?P<number>{NUMBER.pattern})\s*(?P<unit>([^\W\d_]|[°%])([^\W\d_]|[°%/²³]){{0,7}}"
+    r"|(?<=\s)[^\W\d_]([^\W\d_]|[/*·²³]|(?<=[^\W\d_])\^?-?\d(?!\d)){1,9})?",
+    re.I,
 )
 
 MOMENT = re.compile(

@@ -207,8 +207,12 @@ def _check_widths(sheet: Sheet, width: int) -> None:
         remedies = []
         if sheet.separator == "," and len(row) > width:
             remedies.append("if a comma stands in numbers, separate the columns by semicolons")
+        if sheet.head_line and len(row) == usual == width + 1:
+            remedies.append("a heading is missing: give each column one")
         if sheet.head_line and number == sheet.lines[0]:
             remedies.append("take out what stands above the headings, if anything does")
+        if not remedies:
+            remedies.append("take that line out")
         raise ValueError(
             f"line {number} has {len(row)} cell{'s' * (len(row) != 1)} where the first has {width}"
             + "; ".join(["", *remedies])

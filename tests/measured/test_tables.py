@@ -145,6 +145,18 @@ DRESSES = {
         lines("t\tu\ty", lambda k, *e: (
             *plain(k, *e)[:2], f"{e[2]}" + " # switched, or not" * (k % 40 == 0)), "\t"), {},
     ),
+    "a heading like a number": (lines("t,u,y,2024", lambda *e: (*plain(*e), "7")), {}),
+    "headings like numbers with units": (
+        lines("Time;24V;u;y;5V", lambda *e: (plain(*e)[0], "24.1", *plain(*e)[1:], "5"), ";"), {},
+    ),
+    "commas between blanks": (lines("t, u, y", plain, " , "), {}),
+    "commas between blanks, no headings": (lines("", plain, " , "), {}),
+    "units with digits in the cells": (
+        lines("t;u;y", lambda k, t, u, y: (f"{t} s", f"{u} m3/h", f"{y} m/s^2"), ";"), {},
+    ),
+    "units with exponents in the cells": (
+        lines("t,u,y", lambda k, t, u, y: (f"{t} s", f"{u} min-1", f"{y} kg*m^-3")), {},
+    ),
     "microseconds since the start": (lines("time_usec,u,y", in_unit(1e-6)), {}),
     "nanoseconds": (lines("nanosec,u,y", in_unit(1e-9)), {}),
     "seconds and a fraction that is not needed": (
@@ -248,8 +260,19 @@ REFUSED = {
     "too long": (spoilt(9, f"7,{'1' * 61},2"), "line 9: u is '1{60}…', which is no finite number"),
     "too large": (spoilt(9, "7,1e300,1"), "u is 1e.300 at line 9"),
     "an empty cell": (spoilt(9, ",7,1"), "line 9: t is empty"),
-    "a short row": (spoilt(9, "7,1"), "line 9 has 2 cells where the first has 3"),
+    "a short row": (spoilt(9, "7,1"), "line 9 has 2 cells where .*; take that line out"),
     "a long row": (spoilt(9, "7,1,2,3"), "line 9 has 4 cells .* semicolons"),
+    "half a line at the end": (
+        "\n".join(["t,u,y", *GOOD, "60,1"]), "line 62 has 2 cells .*; take that line out",
+    ),
+    "numbered rows without a heading": (
+        replaced(lambda k: f'"{k + 1}" {k} {k // 7 % 2} {k % 5}', '"t" "u" "y"'),
+        "line 2 has 4 cells where the first has 3; a heading is missing: give each column one",
+    ),
+    "a zone with a name": (
+        replaced(lambda k: f"2024-01-31 12:00:{k:02} CET,{k // 7 % 2},{k % 5}", "Time,u,y"),
+        "line 2: t is '2024-01-31 12:00:00 CET', and no line .* write times as 2024-01-31 12:00:00",
+    ),
     "a formula": (spoilt(9, "7,=1+1,2"), "line 9: u is '=1\\+1'"),
     "code": (spoilt(9, "7,__import__('os'),2"), "line 9: u is"),
     "underscores": (spoilt(9, "7,1_0,2"), "line 9: u is '1_0'"),
