@@ -29,6 +29,11 @@ SIGNALS = {
 """Headings of input and output, without units and in small letters; with numbers if there are
 several."""
 
+# First words of headings beside which input and output may be those of a controller.
+SET_POINTS = ("setpoint", "set", "sp", "reference", "sollwert")
+CONTROLLER = {"u": ("output", "out", "ausgang"), "y": ("input", "in", "eingang")}
+DOUBTFUL = {name for names in CONTROLLER.values() for name in names}
+
 LIKELY = {
     "u": (
         "q", "heater", "valve", "dac", "pwm", "duty", "esc", "voltage", "effort", "command", "co",
@@ -37,6 +42,7 @@ LIKELY = {
     "y": (
         "t", "temp", "temperature", "level", "flow", "pressure", "adc", "angle", "speed", "rpm",
         "velocity", "position", "feedback", "measured", "actual",
+        "process",
     ),
 }  # fmt: skip
 """Words in headings of which the example in a question is made; nothing is taken for them."""
@@ -44,7 +50,8 @@ LIKELY = {
 # Headings of columns that number the rows: never taken for times.
 COUNTERS = (
     "sample", "samples", "index", "n", "k", "i", "no", "nr", "step", "count", "row", "id",
-    "entry_id",
+    "entry_id", "scan", "tick", "unnamed: 0", "sample number", "sample no", "scan number",
+    "row number",
 )  # fmt: skip
 SAMPLING = "give the sampling time (--sampling-time 0.1; in Python sampling_time=0.1)"
 EXAMPLES = {"t": "Time", "u": "Q1", "y": "T1"}
@@ -121,7 +128,7 @@ def chosen(
         for k in range(width)
         if k not in {*order.values(), *moments, *blank}
         if not any(k in each for each in several.values())
-        if not titled or (heads[k] and heads[k].lower() not in COUNTERS)
+        if not titled or (heads[k] and heads[k].lower().rstrip(". #") not in COUNTERS)
     ]
     lacking = [what for what in wanted if what not in order and what not in several]
     if "t" in lacking:  # a unit of time says more than the order
@@ -160,6 +167,7 @@ def _question(
                 f"name the column that holds it, such as {_option({'t': left[0], **order}, heads)}"
             )
         return f"and no time: {add}, or {SAMPLING}"
+    controlled = _controlled(heads)
     example = {**order, **{what: each[0] for what, each in several.items()}}
     more = f"; without times {SAMPLING}" if "t" in lacking else ""
     if len(left) < len(lacking):
@@ -169,11 +177,10 @@ def _question(
         return f"{len(wanted)} are needed: {', '.join(wanted)}{more}"
     for what in lacking:
         free = [k for k in left if k not in example.values()]
-        likely = (
-            k
-            for k in free
-            if not {*LIKELY.get(what, ()), *SIGNALS.get(what, ())}.isdisjoint(_words(heads[k]))
-        )
+        names = {*LIKELY.get(what, ()), *SIGNALS.get(what, ())}
+        if controlled:
+            names = names - DOUBTFUL | {*CONTROLLER.get(what, ())}
+        likely = (k for k in free if not names.isdisjoint(_words(heads[k])))
         example[what] = next(likely, free[0])
     asks = [
         f"{what} may be {' or '.join(_called(k, heads) for k in each)}"
@@ -181,6 +188,8 @@ def _question(
     ]
     if lacking:
         asks.append(f"which holds {', '.join(lacking)} is not known")
+    if lacking and controlled:
+        asks.append("beside a set point, input and output may be those of the controller")
     return f"{'; '.join(asks)}: choose, such as {_option(example, heads)}{more}"
 
 
@@ -201,26 +210,36 @@ def _called(k: int, heads: Sequence[str]) -> str:
 
 
 def _asked(column: str | int, what: str, heads: Sequence[str], listed: str) -> tuple[int, str]:
-    """Find a column by its name or number, maybe with a unit behind it: "2 [ms]"."""
-    bare, unit = str(column).strip(), ""
-    for attempt in range(2):
-        if isinstance(column, str):
-            for same in (str, str.lower, _base):
-                hits = [k for k, head in enumerate(heads) if head and same(head) == same(bare)]
-                if len(hits) > 1:
-                    raise ValueError(
-                        f"{listed}; {len(hits)} of them are called {short(bare)!r}: give the "
-                        f"number of the one for {what}, such as {what}={hits[0] + 1}"
-                    )
-                if hits:
-                    return hits[0], unit
+    """Find a column by its name or number, maybe with a unit of time behind it: "2 [ms]"."""
+    whole = str(column).strip()
+    behind = re.fullmatch(r"(.+?)\s*[\[(]\s*(\w+)\s*[\])]", whole) if what == "t" else None
+    # What stands in brackets may be part of the heading, and else is a unit.
+    attempts = [(whole, "")] + ([(behind[1], behind[2])] if behind else [])
+    for bare, unit in attempts:
+        likes = (str, str.lower, _base) if unit or not behind else (str, str.lower)
+        for same in likes if isinstance(column, str) else ():
+            hits = [k for k, head in enumerate(heads) if head and same(head) == same(bare)]
+            if len(hits) > 1:
+                raise ValueError(
+                    f"{listed}; {len(hits)} of them are called {short(bare)!r}: give the "
+                    f"number of the one for {what}, such as {what}={hits[0] + 1}"
+                )
+            if hits:
+                _check_unit(heads[hits[0]], unit, hits[0] + 1)
+                return hits[0], unit
         if re.fullmatch(r"\d+", bare) and 1 <= int(bare) <= len(heads):
             return int(bare) - 1, unit
-        behind = re.fullmatch(r"(.+?)\s*[\[(]\s*(\w+)\s*[\])]", bare)
-        if attempt or behind is None or what != "t":
-            break
-        bare, unit = behind[1], behind[2]
     raise ValueError(f"{listed}; there is no {short(str(column))!r}, which is asked for as {what}")
+
+
+def _check_unit(head: str, unit: str, number: int) -> None:
+    """Refuse a unit that is not that of the heading by which the column is called."""
+    named = _unit(head) if unit else ""
+    if named in UNITS and UNITS[named] != UNITS.get(unit.lower()):
+        raise ValueError(
+            f"t is asked for in {short(unit)}, and its heading, {short(head)!r}, says {named}: "
+            f'leave the unit out, or overrule the heading with "t={number} [{unit}]"'
+        )
 
 
 def _candidates(what: str, heads: Sequence[str], taken: Iterable[int]) -> list[int]:
@@ -228,13 +247,21 @@ def _candidates(what: str, heads: Sequence[str], taken: Iterable[int]) -> list[i
     rest = [(k, head) for k, head in enumerate(heads) if k not in set(taken)]
     if what == "t":
         found = [k for k, head in rest if _is_time(head) == 2]
-        if len(found) > 1:  # a date beside the time of day
-            found = [k for k in found if _words(heads[k])[0] != "date"] or found
+        if len(found) > 1:  # a date beside the time of day, a fraction beside seconds
+            beside = ("date", "nanosec", "nsec")
+            found = [k for k in found if _words(heads[k])[0] not in beside] or found
         found = found or [k for k, head in rest if _is_time(head) == 1]
     else:
-        found = [k for k, head in rest if _signal(head, what)]
+        doubtful = DOUBTFUL if _controlled(heads) else set()
+        found = [k for k, head in rest if _signal(head, what) and _base(head) not in doubtful]
     exact = [k for k in found if heads[k] == what]
     return exact if len(exact) == 1 else found
+
+
+def _controlled(heads: Iterable[str]) -> bool:
+    """Whether input and output may be those of a controller: a set point is beside them."""
+    first = {word for head in heads for word in _words(head)[:1]}
+    return not (first.isdisjoint(SET_POINTS) or DOUBTFUL.isdisjoint(map(_base, heads)))
 
 
 def _words(head: str) -> list[str]:

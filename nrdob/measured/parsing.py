@@ -20,8 +20,8 @@ LONGEST = 60  # characters of a cell or a heading that a message repeats
 UNITS = {
     unit: seconds
     for units, seconds in (
-        (("ns", "nanos", "nanosecond", "nanoseconds"), 1e-9),
-        (("us", "µs", "μs", "micros", "microsecond", "microseconds"), 1e-6),
+        (("ns", "nsec", "nanos", "nanosec", "nanosecond", "nanoseconds"), 1e-9),
+        (("us", "µs", "μs", "usec", "micros", "microsec", "microsecond", "microseconds"), 1e-6),
         (("ms", "msec", "millis", "millisecond", "milliseconds"), 1e-3),
         (("s", "sec", "secs", "second", "seconds", "sekunden"), 1.0),
         (("min", "mins", "minute", "minutes", "minuten"), 60.0),
@@ -41,19 +41,22 @@ NUMBER = re.compile(r"[+-]?(\d+([.,]\d+|\.)?|[.,]\d+)(e[+-]?\d+)?", re.I)
 # With three figures in each group behind the first, and maybe decimals.
 THOUSANDS = re.compile(r"[+-]?[1-9]\d{0,2}([\s.,'’]\d{3})+([.,]\d*)?")
 
+# Digits of a unit are exponents, as in "m3/h", "m/s^2" or "min-1", and a blank stands before it.
 MEASURED = re.compile(
-    rf"(?P<number>{NUMBER.pattern})\s*(?P<unit>([^\W\d_]|[°%])([^\W\d_]|[°%/²³]){{0,7}})?", re.I
+    rf"(?P<number>{NUMBER.pattern})\s*(?P<unit>([^\W\d_]|[°%])([^\W\d_]|[°%/²³]){{0,7}}"
+    r"|(?<=\s)[^\W\d_]([^\W\d_]|[/*·²³]|(?<=[^\W\d_])\^?-?\d(?!\d)){1,9})?",
+    re.I,
 )
 
 MOMENT = re.compile(
-    r"(?:(?P<days>\d+)\s+days?,?\s+(?=\d))?"
+    r"(?:(?P<days>[+-]?\d+)\s+days?,?\s+\+?(?=\d))?(?P<sign>^[+-])?"
     r"(?:(?P<day>\d{1,4}[-./](?:\d{1,2}|[a-z]{3,9})[-./]\d{1,4})(?:[t\s]\s*|$))?"
     r"(?:(?P<hour>\d{1,3}):(?P<minute>\d\d)(?::(?P<second>\d\d(?:[.,]\d+)?))?"
     r"(?:\s*(?P<half>[ap])\.?m\.?)?)?\s*(?P<zone>z|utc|gmt|[+-]\d\d:?\d\d)?",
     re.I,
 )
 
-MINUTES = re.compile(r"(\d{1,3}):(\d\d[.,]\d+)")  # and seconds, for no other has a fraction
+MINUTES = re.compile(r"([+-]?)(\d{1,3}):(\d\d[.,]\d+)")  # and seconds, for no other has a fraction
 
 ISO_DAY = re.compile(r"(\d{4})[-./](\d\d?)[-./](\d\d?)")
 
@@ -99,7 +102,8 @@ def is_moment(cell: str) -> bool:
 def _with_hours(text: str) -> str:
     """Write minutes and seconds with the hours before them."""
     found = MINUTES.fullmatch(text)
-    return f"{int(found[1]) // 60}:{int(found[1]) % 60:02}:{found[2]}" if found else text
+    hour, minute = divmod(int(found[2]), 60) if found else (0, 0)
+    return f"{found[1]}{hour}:{minute:02}:{found[3]}" if found else text
 
 
 def is_value(cell: str) -> bool:
@@ -170,6 +174,7 @@ def _moment(cell: str, where: str) -> tuple[str | None, float, float | None]:
         if found["half"]:
             hour = hour % 12 + 12 * (found["half"].lower() == "p")
         clock = 86400.0 * int(found["days"] or 0) + 3600.0 * hour + 60.0 * minute + second
+        clock = -clock if found["sign"] == "-" else clock
     zone = None
     if found["zone"] is not None:
         named = found["zone"][0].isalpha()

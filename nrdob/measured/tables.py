@@ -9,6 +9,8 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from datetime import datetime
+from itertools import product
 from math import isfinite
 from os import PathLike
 from pathlib import Path
@@ -26,12 +28,20 @@ from .textfiles import SEEN, Sheet, read_sheet
 
 __all__ = ["heated_air", "read_data"]
 
-# Days since 1900, as spreadsheets count them, of the years 1982 to 2064.
-EXCEL_DAYS = (30_000.0, 60_000.0)
+# Days since 1970, 1900 (of spreadsheets, in the years 1982 to 2064), the year 0 and 4713 BC, and
+# the steps below which they are taken for such, if they have decimals and last less than ten.
+DAYS = {
+    (1e4, 3e4): 1e-2, (3e4, 6e4): np.inf, (7.2e5, 7.6e5): 1e-2, (2.4e6, 2.5e6): 1e-2,
+}  # fmt: skip
 # Until then whole milliseconds, microseconds and nanoseconds since 1970 are told by their size.
 EPOCHS = {"ms": 1e14, "us": 1e17, "ns": np.inf}
-PARTED = re.compile(r"[+-]?[1-9]\d{0,2}(\.\d{3})+")  # maybe thousands
-DECIMAL = re.compile(r"[+-]?\d+,\d+")
+# Units of 100 ns since 1601 and the year 1, of the years 1981 to 2044 and 1965 to 2060.
+TICKS = ((1.2e17, 1.4e17), (6.2e17, 6.5e17))
+# Steps of times that are hardly seconds, and those from which on the unit is rather ns than us.
+DAY, NANO = 86400.0, 1e8
+# What may be thousands that a mark parts, and what has decimals behind it.
+PARTED = {mark: re.compile(rf"[+-]?[1-9]\d{{0,2}}([{mark}]\d{{3}})+") for mark in ".,"}
+DECIMAL = {mark: re.compile(rf"[+-]?\d+[{mark}]\d+") for mark in ".,"}
 SWITCHED = {"off": 0, "false": 0, "on": 1, "true": 1}
 HEATED_AIR_STEP = 0.08
 
@@ -197,8 +207,12 @@ def _check_widths(sheet: Sheet, width: int) -> None:
         remedies = []
         if sheet.separator == "," and len(row) > width:
             remedies.append("if a comma stands in numbers, separate the columns by semicolons")
+        if sheet.head_line and len(row) == usual == width + 1:
+            remedies.append("a heading is missing: give each column one")
         if sheet.head_line and number == sheet.lines[0]:
             remedies.append("take out what stands above the headings, if anything does")
+        if not remedies:
+            remedies.append("take that line out")
         raise ValueError(
             f"line {number} has {len(row)} cell{'s' * (len(row) != 1)} where the first has {width}"
             + "; ".join(["", *remedies])
@@ -247,17 +261,23 @@ def _switched(sheet: Sheet, column: int) -> tuple[Sheet, tuple[str, ...]]:
 
 
 def _check_marks(sheet: Sheet, order: Mapping[str, int]) -> None:
-    """Refuse points that may part thousands, where another column has decimal commas."""
+    """Refuse what may part thousands, where another column has it the other way round."""
     cells = {what: [row[k].strip() for row in sheet.rows[:SEEN]] for what, k in order.items()}
-    commas = [(what, cell) for what in cells for cell in cells[what] if DECIMAL.fullmatch(cell)]
-    for what, each in cells.items():
-        pointed = [k for k, cell in enumerate(each) if "." in cell]
-        if commas and pointed and all(PARTED.fullmatch(each[k]) for k in pointed):
-            other, comma = commas[0]
+    for what, (mark, called, other) in product(cells, ((".", "point", ","), (",", "comma", "."))):
+        marked = [k for k, cell in enumerate(cells[what]) if mark in cell]
+        decimals = (
+            (beside, cell)
+            for beside in cells
+            for cell in cells[beside] * (beside != what)
+            if DECIMAL[other].fullmatch(cell)
+        )
+        if not marked or not all(PARTED[mark].fullmatch(cells[what][k]) for k in marked):
+            continue
+        for beside, cell in decimals:
             raise ValueError(
-                f"line {sheet.lines[pointed[0]]}: {what} is {short(each[pointed[0]])!r}, which may "
-                f"have a point between thousands where {other} has {short(comma)!r}: use one "
-                "decimal mark, and no separator of thousands"
+                f"line {sheet.lines[marked[0]]}: {what} is {short(cells[what][marked[0]])!r}, "
+                f"which may have a {called} between thousands where {beside} has "
+                f"{short(cell)!r}: use one decimal mark, and no separator of thousands"
             )
 
 
@@ -321,15 +341,18 @@ def _check_decimals(sheet: Sheet, what: str, cells: Sequence[str]) -> None:
             f"line {sheet.lines[k]}: {what} is {short(cells[k])!r} where another line has "
             f"{short(cells[other])!r}: use one decimal mark, and no separator of thousands"
         )
-    thousands = [k for k in commas if re.fullmatch(r"[+-]?[1-9]\d{0,2}(,\d{3})+", cells[k])]
     unlike = len(commas) < len(cells) or sheet.separator == ","
-    if thousands and thousands == commas and unlike:
-        k = thousands[0]
-        raise ValueError(
-            f"line {sheet.lines[k]}: {what} is {short(cells[k])!r}, which may be "
-            f"{cells[k].replace(',', '.')} or {cells[k].replace(',', '')}: write thousands without "
-            "a separator, and decimals with a point"
-        )
+    # Who leaves out the zeros of 950.000 leaves out that of 1.150, too, if it is a decimal.
+    hundreds = [bool(re.fullmatch(r"[+-]?[1-9]\d\d", cell)) for cell in cells]
+    grown = any(hundreds) and any(cells[k].endswith("0") for k in points)
+    for mark, marked, doubtful in ((",", commas, unlike), (".", points, grown)):
+        if marked and doubtful and all(PARTED[mark].fullmatch(cells[k]) for k in marked):
+            cell = cells[marked[0]]
+            raise ValueError(
+                f"line {sheet.lines[marked[0]]}: {what} is {short(cell)!r}, which may be "
+                f"{cell.replace(',', '.')} or {cell.replace(mark, '')}: write thousands without "
+                "a separator, and decimals with a point"
+            )
 
 
 def _times(sheet: Sheet, choice: Choice) -> tuple[FloatArray, tuple[str, ...]]:
@@ -340,8 +363,9 @@ def _times(sheet: Sheet, choice: Choice) -> tuple[FloatArray, tuple[str, ...]]:
         times, first = seconds_in(cells, lambda k: f"line {sheet.lines[k]}")
         return times, (f"t is in seconds since {first}, the time of the first row",)
     times, within = _numbers(sheet, "t", column)
-    below = sheet.units[column].strip() if column < len(sheet.units) else ""
-    unit = choice.unit or below.strip(" []()").lower() or within
+    below = sheet.units[column] if column < len(sheet.units) else ""
+    # Dashes and colons draw the line below the headings of a table in a text.
+    unit = choice.unit or below.strip(" \t[]()-=:").lower() or within
     if not unit:
         return _without_unit(times, sheet.heads[column] if sheet.heads else "")
     seconds = UNITS.get(unit.lower())
@@ -364,17 +388,42 @@ def _times(sheet: Sheet, choice: Choice) -> tuple[FloatArray, tuple[str, ...]]:
 
 def _without_unit(times: FloatArray, head: str) -> tuple[FloatArray, tuple[str, ...]]:
     """Take seconds, unless the numbers can hardly be that."""
-    if times.size > 1:
-        start, span = times[0], np.ptp(times)
-        days = EXCEL_DAYS[0] <= start <= EXCEL_DAYS[1] and start % 1 and span < 10
-        date = head.lower().startswith("date") and start < 1e8
-        if days or date or start >= 1e11:
-            since = next(unit for unit, most in EPOCHS.items() if start < most)
-            guess = "d" if days or date else since
-            raise ValueError(
-                f"t begins with {start:.12g} and its unit is not named; this can hardly be "
-                f"seconds: name the unit in the heading, or say it, such as --columns "
-                f'"t={short(head) or 1} [{guess}]" (in Python columns={{"t": '
-                f'"{short(head) or 1} [{guess}]"}})'
-            )
-    return times, ("no unit of time is named; seconds were taken",)
+    said = "no unit of time is named; seconds were taken"
+    if times.size < 2:
+        return times, (said,)
+    start, span, step = times[0], np.ptp(times), float(np.median(np.abs(np.diff(times))))
+    days = span < 10 and (times % 1).any() and any(
+        low <= start <= high and step < most for (low, high), most in DAYS.items()
+    )  # fmt: skip
+    date = head.lower().startswith("date") and start < 1e8
+    if not (days or date or start >= 1e11 or step > DAY):
+        counted = start in (0, 1) and (np.diff(times) == 1).all()
+        return times, (f"{said}: 1 s a sample is assumed" if counted else said,)
+    begins = f"t begins with {start:.17g} and its unit is not named; "
+    if moment := _written_together(start):
+        raise ValueError(
+            f"{begins}it looks like {moment} without the marks between: write times with them, or "
+            "in seconds"
+        )
+    if any(low <= start <= high for low, high in TICKS):
+        raise ValueError(
+            f"{begins}it looks like a count of 100 ns: divide by 10000000, and write seconds from "
+            f"the first row on; or, if the samples are even, {SAMPLING}"
+        )
+    since = next(unit for unit, most in EPOCHS.items() if start < most)
+    guess = "d" if days or date else since if start >= 1e11 else "us" if step < NANO else "ns"
+    raise ValueError(
+        f"t begins with {start:.12g}, with steps of {step:.5g}, and its unit is not named; this "
+        f"can hardly be seconds: name the unit in the heading, or say it, such as --columns "
+        f'"t={short(head) or 1} [{guess}]" (in Python columns={{"t": '
+        f'"{short(head) or 1} [{guess}]"}})'
+    )
+
+
+def _written_together(number: float) -> str:
+    """Read a number as year, month, day, hour, minute and second; empty if it is none."""
+    try:
+        together = f"{int(number):014}"  # two digits each, and four of the year
+        return str(datetime.strptime(together, "%Y%m%d%H%M%S")) if number >= 1e13 else ""
+    except ValueError:
+        return ""

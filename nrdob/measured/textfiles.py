@@ -10,6 +10,7 @@ import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from statistics import mode
 
 from .columns import known
 from .parsing import ABSENT, NUMBER, is_value, short
@@ -31,6 +32,11 @@ LABELLED = re.compile(rf"([^\W\d]\w*)\s*[:=]\s*({NUMBER.pattern})")
 PLOTTED = re.compile(rf"((?:{STAMP.pattern})?)((?:{LABELLED.pattern}[\s,;|]*){{2,}})")
 MARKUP = re.compile(r"\s*(\{|\[\s*[\[{]|<)")
 MOST_BREAKS = 3  # lines over which a cell in quotes may go on
+# What tells of columns with a number for each.
+DESCRIBING = (
+    "min", "max", "minimum", "maximum", "mean", "average", "std", "range", "gain", "scale",
+    "factor", "offset", "port", "channel", "ch", "id",
+)  # fmt: skip
 UPPERS = 3  # lines of text above the numbers among which the headings are
 
 
@@ -202,13 +208,26 @@ def _joined(kept: Sequence[tuple[int, str]]) -> list[tuple[int, str]]:
 
 
 def _separator(sample: Sequence[str]) -> str:
-    """Find what separates the columns: what makes the most cells numbers."""
+    """Find what separates the columns: what makes the most cells numbers.
 
-    def found(separator: str) -> tuple[int, int, int]:
+    Of such as make equally many, what makes the most lines alike, and then the fewest words beside
+    numbers.
+    """
+
+    def found(separator: str) -> tuple[int, int, int, int]:
         rows = [row for line in sample if len(row := _cells(line, separator)) > 1]
-        numbers = sum(is_value(cell) for row in rows for cell in row)
-        cells = 0 if numbers else sum(map(len, rows))
-        return numbers, cells, -SEPARATORS.index(separator)
+        values = [[is_value(cell) for cell in row] for row in rows]
+        numbers, place = sum(map(sum, values)), -SEPARATORS.index(separator)
+        if not numbers:
+            return 0, sum(map(len, rows)), 0, place
+        widths = [len(row) for row in rows]
+        words = sum(
+            bool(cell.strip()) and not value
+            for row, each in zip(rows, values, strict=True)
+            for cell, value in zip(row, each, strict=True)
+            if any(each)
+        )
+        return numbers, widths.count(mode(widths)), -words, place
 
     return max(SEPARATORS, key=found)
 
@@ -264,12 +283,20 @@ def _layout(rows: Sequence[Sequence[str]]) -> tuple[int, int | None, int | None]
     above: list[int] = []
     for k in reversed(range(first)):
         lone = sum(bool(cell.strip()) for cell in rows[k]) < 2
+        name = rows[k][0].strip().lower()
         # Between headings and numbers an instrument may tell of the columns: "Port 851 851".
-        described = values[k] and numbered and not is_value(rows[k][0])
-        if not above and (lone or (described and rows[k][0].strip().lower() not in ABSENT)):
+        # But a heading may be like a number, "24V" or "2024", beside others that are known.
+        numbers = values[k] and known(set(rows[k])) < 2
+        described = numbers and numbered and not is_value(name) and name not in ABSENT
+        # One that has all its numbers is rather a sample, at "start" or "T-10", to be refused.
+        full = len(rows[k]) == width > 2 and values[k] == width - 1
+        if described and full and k == first - 1 and name not in DESCRIBING:
+            first = k
+            continue
+        if not above and (lone or described):
             continue
         # The last one may have nothing below it: comments, where there are none.
-        if values[k] or lone or len(rows[k]) > width + 1 or len(above) == UPPERS:
+        if numbers or lone or len(rows[k]) > width + 1 or len(above) == UPPERS:
             break
         above.append(k)
     if not above:

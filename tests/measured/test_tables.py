@@ -1,5 +1,6 @@
 """Tables as they are found: read right, or refused in a sentence with the remedy."""
 
+import re
 from datetime import datetime, timedelta
 
 import numpy as np
@@ -144,6 +145,24 @@ DRESSES = {
         lines("t\tu\ty", lambda k, *e: (
             *plain(k, *e)[:2], f"{e[2]}" + " # switched, or not" * (k % 40 == 0)), "\t"), {},
     ),
+    "a heading like a number": (lines("t,u,y,2024", lambda *e: (*plain(*e), "7")), {}),
+    "headings like numbers with units": (
+        lines("Time;24V;u;y;5V", lambda *e: (plain(*e)[0], "24.1", *plain(*e)[1:], "5"), ";"), {},
+    ),
+    "commas between blanks": (lines("t, u, y", plain, " , "), {}),
+    "commas between blanks, no headings": (lines("", plain, " , "), {}),
+    "units with digits in the cells": (
+        lines("t;u;y", lambda k, t, u, y: (f"{t} s", f"{u} m3/h", f"{y} m/s^2"), ";"), {},
+    ),
+    "units with exponents in the cells": (
+        lines("t,u,y", lambda k, t, u, y: (f"{t} s", f"{u} min-1", f"{y} kg*m^-3")), {},
+    ),
+    "microseconds since the start": (lines("time_usec,u,y", in_unit(1e-6)), {}),
+    "nanoseconds": (lines("nanosec,u,y", in_unit(1e-9)), {}),
+    "seconds and a fraction that is not needed": (
+        lines("sec,nanosec,u,y", lambda k, t, u, y: (f"{t}", "0", f"{u}", f"{y}")), {},
+    ),
+    "currents and speeds": (lines("time,i [A],n [rpm]", plain), {}),
     "microseconds": (lines("micros,u,y", in_unit(1e-6)), {}),
     "missing values": (
         lines("t,u,y", lambda k, t, u, y: (
@@ -160,6 +179,30 @@ DRESSES = {
         "MAIN.y\nPort\t851\tPort\t851\n" + lines("Sample time[ms]\t500\tSample time[ms]\t500",
         lambda k, t, u, y: (f"{1e3 * t:.0f}", f"{u}", f"{1e3 * t:.0f}", f"{y}"), "\t"),
         {"columns": {"t": "1 [ms]"}},
+    ),
+    "bars and a line of dashes": (
+        lines("| t | u | y |\n|---|:-:|--:|", lambda *e: ("", *plain(*e), ""), "|"), {},
+    ),
+    "times before a trigger": (
+        lines("Time;u;y", lambda k, t, u, y: (
+            f"{'-' if t < 5 else ''}00:0{abs(t - 5) // 60:.0f}:{abs(t - 5) % 60:05.2f}",
+            *plain(k, t, u, y)[1:],
+        ), ";"), {},
+    ),
+    "times before a trigger, in minutes and seconds": (
+        lines("Time,u,y", lambda k, t, u, y: (
+            f"{'-' if t < 5 else ''}0{abs(t - 5) // 60:.0f}:{abs(t - 5) % 60:04.1f}",
+            *plain(k, t, u, y)[1:],
+        )), {},
+    ),
+    "times before a trigger, by pandas": (
+        lines("Time,u,y", lambda k, t, u, y: (
+            f"{'-1 days +23:59:' if t < 5 else f'0 days +00:0{(t - 5) // 60:.0f}:'}"
+            f"{(t - 5) % 60:07.4f}", f"{u}", f"{y}",
+        )), {},
+    ),
+    "what tells of the columns": (
+        lines("t,u,y\ns,%,K\nMin,0,0\nMax,100,60", plain), {},
     ),
     "a word between headings and numbers": (lines("t,u,y\n[Data]", plain), {}),
     "minutes and seconds": (
@@ -217,8 +260,19 @@ REFUSED = {
     "too long": (spoilt(9, f"7,{'1' * 61},2"), "line 9: u is '1{60}…', which is no finite number"),
     "too large": (spoilt(9, "7,1e300,1"), "u is 1e.300 at line 9"),
     "an empty cell": (spoilt(9, ",7,1"), "line 9: t is empty"),
-    "a short row": (spoilt(9, "7,1"), "line 9 has 2 cells where the first has 3"),
+    "a short row": (spoilt(9, "7,1"), "line 9 has 2 cells where .*; take that line out"),
     "a long row": (spoilt(9, "7,1,2,3"), "line 9 has 4 cells .* semicolons"),
+    "half a line at the end": (
+        "\n".join(["t,u,y", *GOOD, "60,1"]), "line 62 has 2 cells .*; take that line out",
+    ),
+    "numbered rows without a heading": (
+        replaced(lambda k: f'"{k + 1}" {k} {k // 7 % 2} {k % 5}', '"t" "u" "y"'),
+        "line 2 has 4 cells where the first has 3; a heading is missing: give each column one",
+    ),
+    "a zone with a name": (
+        replaced(lambda k: f"2024-01-31 12:00:{k:02} CET,{k // 7 % 2},{k % 5}", "Time,u,y"),
+        "line 2: t is '2024-01-31 12:00:00 CET', and no line .* write times as 2024-01-31 12:00:00",
+    ),
     "a formula": (spoilt(9, "7,=1+1,2"), "line 9: u is '=1\\+1'"),
     "code": (spoilt(9, "7,__import__('os'),2"), "line 9: u is"),
     "underscores": (spoilt(9, "7,1_0,2"), "line 9: u is '1_0'"),
@@ -250,6 +304,14 @@ REFUSED = {
     "thousands beside small numbers": (
         replaced(lambda k: f"{k};{k // 7 % 2};{format(990 + k, ',')}", "t;u;y"),
         "line 12: y is '1,000', which may be 1.000 or 1000",
+    ),
+    "thousands beside decimal points": (
+        replaced(lambda k: f"{k}.5;{k // 7 % 2};5,00{k % 5}", "t;u;y"),
+        "line 2: y is '5,000', which may have a comma between thousands where t has '0.5'",
+    ),
+    "thousands by points beside smaller numbers": (
+        replaced(lambda k: f"{k};{k // 7 % 2};{f'{950 + 5 * k:,}'.replace(',', '.')}", "t;u;y"),
+        "line 12: y is '1.000', which may be 1.000 or 1000: write thousands without",
     ),
     "decimal commas beside commas": (
         replaced(lambda k: f"{k},0,{k // 7 % 2},5,{k % 5},5"),
@@ -308,11 +370,34 @@ REFUSED = {
     "rows that are numbered": (
         replaced(lambda k: GOOD[k], "sample,u,y"), "no time: add a column t in seconds, or give",
     ),
+    "rows that pandas numbered": (
+        replaced(lambda k: GOOD[k], "Unnamed: 0,u,y"), "no time: add a column t in seconds",
+    ),
+    "rows that are numbered in words": (
+        replaced(lambda k: GOOD[k], "Sample Number,u,y"), "no time: add a column t in seconds",
+    ),
+    "rows of a scanner": (replaced(lambda k: GOOD[k], "Scan,u,y"), "no time: add a column t"),
+    "input and output of a controller": (
+        replaced(lambda k: f"{k},40,{k % 5},{k // 7 % 2}", "Time,Setpoint,Input,Output"),
+        "u, y is not known; beside a set point, input and .* such as .* t=Time,u=Output,y=Input;",
+    ),
+    "output of a controller": (
+        replaced(lambda k: f"{k},40,{k % 5},{k // 7 % 2}", "Time,SP_INT,PV_IN,OUT"),
+        "choose, such as .* t=Time,u=OUT,y=PV_IN;",
+    ),
     "thousands in quotes": (
         replaced(lambda k: f'{k},{k // 7 % 2},"{1990 + k:,}"'), "may be 1.990 or 1990",
     ),
     "no headings, another order": (
         replaced(lambda k: f"{k // 7 % 2},{k % 5},{k}", "0,0,-1"), "t goes .*--columns t=1,u=2",
+    ),
+    "a first sample at no time": (
+        replaced(lambda k: f"{k - 1 if k else 'start'},{k // 7 % 2},{k % 5}"),
+        "line 2: t is 'start', which is no finite number; cut the record there, take the line out",
+    ),
+    "a countdown": (
+        replaced(lambda k: f"{k - 9 if k > 8 else f'T-{9 - k}'};{k // 7 % 2};{k % 5},5"),
+        "line 2: t is 'T-9', which is no finite number",
     ),
     "numbers among dates": (
         spoilt(2, "2024-01-31 12:00:00,1,0"), "line 3: t is '1', which is no time like",
@@ -321,6 +406,38 @@ REFUSED = {
     "days of a spreadsheet": (
         replaced(lambda k: f"{45322.5 + k / 86400:.7f},{k // 7 % 2},{k % 5}", "Time,u,y"),
         "can hardly be seconds: .* --columns .t=Time \\[d\\]",
+    ),
+    "days of a spreadsheet from midnight on": (
+        replaced(lambda k: f"{45322 + k / 86400:.8f},{k // 7 % 2},{k % 5}", "Time,u,y"),
+        "45322, with steps of 1.157e-05, .* can hardly be seconds: .* --columns .t=Time \\[d\\]",
+    ),
+    "days since the year 0": (
+        replaced(lambda k: f"{739282.5 + k / 172800:.8f},{k // 7 % 2},{k % 5}", "Time,u,y"),
+        "can hardly be seconds: .* --columns .t=Time \\[d\\]",
+    ),
+    "Julian dates": (
+        replaced(lambda k: f"{2460340.99 + k / 172800:.8f},{k // 7 % 2},{k % 5}", "Time,u,y"),
+        "can hardly be seconds: .* --columns .t=Time \\[d\\]",
+    ),
+    "days since 1970": (
+        replaced(lambda k: f"{19753.49 + k / 172800:.8f},{k // 7 % 2},{k % 5}", "Time,u,y"),
+        "can hardly be seconds: .* --columns .t=Time \\[d\\]",
+    ),
+    "nanoseconds from 0 on": (
+        replaced(lambda k: f"{500000000 * k},{k // 7 % 2},{k % 5}"),
+        "with steps of 5e.08, .* can hardly be seconds: .* \\[ns\\]",
+    ),
+    "counts of 100 ns": (
+        replaced(lambda k: f"{638422991100000000 + 5000000 * k},{k // 7 % 2},{k % 5}"),
+        "looks like a count of 100 ns: divide by 10000000, .* give the sampling time",
+    ),
+    "counts of 100 ns since 1601": (
+        replaced(lambda k: f"{133512345000000000 + 5000000 * k},{k // 7 % 2},{k % 5}"),
+        "looks like a count of 100 ns",
+    ),
+    "a date without marks": (
+        replaced(lambda k: f"202401311200{k:02}.25,{k // 7 % 2},{k % 5}"),
+        "begins with 20240131120000.25 .* looks like 2024-01-31 12:00:00 without the marks",
     ),
     "Unix times of no unit": (
         replaced(lambda k: f"{1700000000000 + 1000 * k},{k // 7 % 2},{k % 5}", "t,u,y"),
@@ -451,6 +568,61 @@ def test_the_unit_of_times_may_be_said(tmp_path):
     record = read_data(path, columns={"t": "1 [min]", "u": "2", "y": 3})
     assert record.t == pytest.approx(T)
     assert record.remarks == () and "times are in min" in record.notes[0]
+
+
+@pytest.mark.parametrize(
+    ("heading", "asked", "last"),
+    [
+        ("time,u,y", "time [ms]", 0.059),
+        ("Time,u,y", "time(min)", 59 * 60),
+        ("time [ms],u,y", "time [ms]", 0.059),
+        ("time [ms],u,y", "Time (msec)", 0.059),
+        ("time [ms],u,y", "time", 0.059),
+        ("time [ms],u,y", "1 [s]", 59),
+    ],
+)
+def test_the_unit_behind_a_heading_is_heeded(tmp_path, heading, asked, last):
+    path = tmp_path / "data.csv"
+    path.write_text(replaced(lambda k: GOOD[k], heading))
+    assert read_data(path, columns={"t": asked}).t[-1] == pytest.approx(last)
+
+
+def test_times_that_begin_like_days_are_seconds_if_their_steps_say_so(tmp_path):
+    path = tmp_path / "data.csv"
+    for begin, step in ((20000.5, 0.1), (739282, 0.1), (2460340, 1), (45322, 1), (0, 86400)):
+        path.write_text(replaced(lambda k, b=begin, s=step: f"{b + s * k},{k // 7 % 2},{k % 5}"))
+        assert np.ptp(read_data(path).t) == pytest.approx(59 * step)
+
+
+def test_times_that_count_the_rows_are_seconds_only_by_assumption(tmp_path):
+    path = tmp_path / "data.csv"
+    for step, said in ((1, "1 s a sample is assumed"), (0.5, "seconds were taken")):
+        path.write_text(replaced(lambda k, step=step: f"{step * k},{k // 7 % 2},{k % 5}"))
+        (note,) = read_data(path).notes
+        assert said in note and ("1 s a" in note) == (step == 1)
+
+
+def test_a_unit_that_contradicts_the_heading_is_refused(tmp_path):
+    path = tmp_path / "data.csv"
+    path.write_text(replaced(lambda k: GOOD[k], "time [s],u,y"))
+    with pytest.raises(ValueError, match=r"in ms, and its heading, 'time \[s\]', says s: .*1 \[ms"):
+        read_data(path, columns={"t": "time [ms]"})
+
+
+def test_what_is_told_of_a_unit_helps(tmp_path):
+    path = tmp_path / "data.csv"
+    path.write_text(replaced(lambda k: f"{1700000000000 + 500 * k},{k // 7 % 2},{k % 5}", "t,u,y"))
+    with pytest.raises(ValueError, match="can hardly be seconds") as refused:
+        read_data(path)
+    (told,) = re.findall(r'--columns "t=(.*?)"', str(refused.value))
+    assert read_data(path, columns={"t": told}).t[-1] == pytest.approx(29.5)
+
+
+def test_decimals_that_might_be_thousands_stay_decimals(tmp_path):
+    path = tmp_path / "data.csv"
+    for cells in (("0", "33.333", "66.667", "100"), ("0", "1.150", "1.160", "2"), ("1.250", "99")):
+        path.write_text(replaced(lambda k, cells=cells: f"{k};{cells[k % len(cells)]};{k % 5}.5"))
+        assert read_data(path).u[: len(cells)].tolist() == [float(cell) for cell in cells]
 
 
 def test_what_is_taken_for_granted_is_said(tmp_path):
