@@ -37,8 +37,8 @@ DAYS = {
 EPOCHS = {"ms": 1e14, "us": 1e17, "ns": np.inf}
 # Units of 100 ns since 1601 and the year 1, of the years 1981 to 2044 and 1965 to 2060.
 TICKS = ((1.2e17, 1.4e17), (6.2e17, 6.5e17))
-# Steps of times that are hardly seconds, and those from which on the unit is rather ns than us.
-DAY, NANO = 86400.0, 1e8
+# Steps that are hardly seconds, more than a day, and those that are rather ns than us.
+LONG, NANO = 9e4, 1e8
 # What may be thousands that a mark parts, and what has decimals behind it.
 PARTED = {mark: re.compile(rf"[+-]?[1-9]\d{{0,2}}([{mark}]\d{{3}})+") for mark in ".,"}
 DECIMAL = {mark: re.compile(rf"[+-]?\d+[{mark}]\d+") for mark in ".,"}
@@ -343,8 +343,8 @@ def _check_decimals(sheet: Sheet, what: str, cells: Sequence[str]) -> None:
         )
     unlike = len(commas) < len(cells) or sheet.separator == ","
     # Who leaves out the zeros of 950.000 leaves out that of 1.150, too, if it is a decimal.
-    hundreds = [bool(re.fullmatch(r"[+-]?[1-9]\d\d", cell)) for cell in cells]
-    grown = any(hundreds) and any(cells[k].endswith("0") for k in points)
+    hundreds = any(re.fullmatch(r"[+-]?[1-9]\d\d", cell) for cell in cells)
+    grown = hundreds and any(cells[k].endswith("0") for k in points)
     for mark, marked, doubtful in ((",", commas, unlike), (".", points, grown)):
         if marked and doubtful and all(PARTED[mark].fullmatch(cells[k]) for k in marked):
             cell = cells[marked[0]]
@@ -396,7 +396,7 @@ def _without_unit(times: FloatArray, head: str) -> tuple[FloatArray, tuple[str, 
         low <= start <= high and step < most for (low, high), most in DAYS.items()
     )  # fmt: skip
     date = head.lower().startswith("date") and start < 1e8
-    if not (days or date or start >= 1e11 or step > DAY):
+    if not (days or date or start >= 1e11 or step > LONG):
         counted = start in (0, 1) and (np.diff(times) == 1).all()
         return times, (f"{said}: 1 s a sample is assumed" if counted else said,)
     begins = f"t begins with {start:.17g} and its unit is not named; "

@@ -589,7 +589,7 @@ def test_the_unit_behind_a_heading_is_heeded(tmp_path, heading, asked, last):
 
 def test_times_that_begin_like_days_are_seconds_if_their_steps_say_so(tmp_path):
     path = tmp_path / "data.csv"
-    for begin, step in ((20000.5, 0.1), (739282, 0.1), (2460340, 1), (45322, 1), (0, 86400)):
+    for begin, step in ((20000.5, 0.1), (739282, 0.1), (2460340, 1), (45322, 1), (0, 86401)):
         path.write_text(replaced(lambda k, b=begin, s=step: f"{b + s * k},{k // 7 % 2},{k % 5}"))
         assert np.ptp(read_data(path).t) == pytest.approx(59 * step)
 
