@@ -12,6 +12,7 @@ from dataclasses import dataclass, field
 from functools import cached_property
 from html import escape
 from inspect import signature
+from math import inf
 from os import PathLike
 from pathlib import Path
 from typing import Any
@@ -225,8 +226,8 @@ def _composed(
         sections += _each_written(sections_of(loop, step), progress)
     sections.append(Section("What was checked, and what was not", CHECKED))
     return Report(
-        title or f"{name}: report", tuple(sections), _sound(loop), process, loop, identification,
-        proposal,
+        title or f"{name}: report", tuple(sections), _sound(loop, proposal), process, loop,
+        identification, proposal,
     )  # fmt: skip
 
 
@@ -297,15 +298,21 @@ def _shown(process: Any) -> str:
         return "…"
 
 
-def _sound(loop: NRDOB | None) -> str:
+def _sound(loop: NRDOB | None, proposal: Proposal | None) -> str:
     """Say what the headline is where nothing speaks against the loop."""
     if loop is None:
         return ""
+    worst = max((each.ms for each in proposal.trials), default=0.0) if proposal else 0.0
     try:
         stable = loop.stability().stable
         if stable:
-            peak = number(loop.margins().plant_loop.ms)
-            return f"The loop is stable; its sensitivity peaks at {peak}."
+            peak = loop.margins().plant_loop.ms
+            elsewhere = f", and at {number(worst)} at most on all that the record allows"
+            return (
+                f"The loop is stable; its sensitivity peaks at {number(peak)}"
+                + elsewhere * (1.005 * peak < worst < inf)
+                + "."
+            )
     except EXPECTED as error:
         return f"Whether the loop is stable, and with which margins, is not known: {error}."
     return "The loop is NOT stable." if stable is False else UNDECIDED
