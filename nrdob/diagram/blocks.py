@@ -157,7 +157,7 @@ def _read(system: Any, name: str) -> tuple[FloatArray, FloatArray]:
     if type(system).__name__ == "DelayedTransferFunction":  # its module is above this one
         if system.delay:
             raise ValueError(
-                f"{name} has a dead time of {system.delay:g} s, and must be given without one: pass "
+                f"{name} has a dead time of {system.delay:g} s; it must be given without one: pass "
                 "its .tf (in a loop, only the process and the model may have one)"
             )
         system = system.tf
