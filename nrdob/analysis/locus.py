@@ -232,12 +232,17 @@ def notable_frequencies(
             motion[:, omega > last[:, None]] = np.nan
         return motion
 
+    def joined(
+        omega: FloatArray, motion: FloatArray, more: FloatArray
+    ) -> tuple[FloatArray, FloatArray]:
+        if not more.size:
+            return omega, motion
+        every, first = np.unique(np.concatenate([omega, more]), return_index=True)
+        return every, np.concatenate([motion, followed(more)], axis=-1)[..., first]
+
     motion = followed(omega)
-    for looked_for in (_beside, _hidden):
-        more = looked_for(locus, omega, motion)
-        if more.size:
-            omega, first = np.unique(np.concatenate([omega, more]), return_index=True)
-            motion = np.concatenate([motion, followed(more)], axis=-1)[..., first]
+    omega, motion = joined(omega, motion, _beside(omega, motion))
+    omega, motion = joined(omega, motion, _hidden(locus, omega, motion))
     brackets = _relevant(motion, _changes(motion[: DISK_RETREAT + 1]), np.isfinite(last))
     row, loop, _, _ = brackets
     solved = _solved(locus, omega, motion, brackets)
@@ -301,7 +306,7 @@ def _least(smallest: FloatArray, largest: FloatArray, disk: BoolArray | bool) ->
     return np.asarray(np.abs(1 - size) / np.where(disk, 1 + size, 1.0))
 
 
-def _beside(_: Locus, omega: FloatArray, motion: FloatArray) -> FloatArray:
+def _beside(omega: FloatArray, motion: FloatArray) -> FloatArray:
     """Frequencies on both sides of one at which something happens, where there is no side."""
     at = np.flatnonzero((np.abs(motion[: DISK_RETREAT + 1]) <= NOISE).any(axis=(0, 1)))
     at = at[(at > 0) & (at < omega.size - 1)]

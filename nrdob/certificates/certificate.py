@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from ..diagram import Fraction, LoopEquations, LowPassFilter
-from ..numerics import Term
+from ..numerics import FloatArray, Term
 from .checker import build, check, times
 from .points import half_plane_points
 
@@ -122,11 +122,14 @@ def certify(
         "model_delay": _fraction(model_delay or Fraction(one, one), loop.model_delay),
         "controller": _fraction(fractions.C),
     }
-    # Of a pole that cancels at one time constant only the power of s cancels at all of them.
     common = loop.built.poles
-    poles = one if model_delay else common.q
-    if time_constants and not model_delay:
+    poles: FloatArray
+    if model_delay:
+        poles = one
+    elif time_constants:  # of what cancels at one of them only the power of s cancels at all
         poles = np.append(one, np.zeros(common.zeros_at_origin))
+    else:
+        poles = common.q
     cancelled = {"zeros": _texts(_exact(loop.built.zeros.q)), "poles": _texts(_exact(poles))}
 
     def part(delay: Interval, lag: Interval) -> Blocks:

@@ -241,23 +241,12 @@ def mirrored(fit: Fit, problem: Problem) -> bool:
     If u is its own opposite half a period later, as a square wave or a sine is, the sign is known
     together with the dead time only, unless the plant is seen at rest before u begins to move.
     """
-    u = problem.inputs - problem.inputs.mean()
-    count, energy = u.size, np.cumsum(u**2)
-    lags = np.arange(1, count // 4)
-    products = correlate(u, u)[count - 1 :][lags]
-    alike = products / np.sqrt(energy[-1 - lags] * (energy[-1] - energy[lags - 1]))
-    if alike.min(initial=0.0) > OPPOSITE:
+    half = _half_period(problem.inputs)
+    if not half:
         return False
-    half = int(lags[alike.argmin()])
     # As if u had always gone on like that.
-    period = problem.inputs[: 2 * half]
-    length = period.size * ceil((fit.shape[0] + half + SETTLED * fit.slowest) / period.size)
-    longer = Problem(
-        np.concatenate([np.resize(period, length), problem.inputs]),
-        np.concatenate([np.full(length, problem.outputs[0]), problem.outputs]),
-        np.concatenate([np.ones(length, dtype=bool), problem.used]),
-        problem.grain,
-    )
+    length = 2 * half * ceil((fit.shape[0] + half + SETTLED * fit.slowest) / (2 * half))
+    longer = problem.after(np.resize(problem.inputs[: 2 * half], length))
     samples, start = problem.samples(fit.start), length + fit.start
     for delay in fit.shape[0] + np.array([-half, half]):
         if delay < 0:
@@ -269,6 +258,15 @@ def mirrored(fit: Fit, problem: Problem) -> bool:
         if close and other.linear[0] * fit.linear[0] < 0:
             return True
     return False
+
+
+def _half_period(inputs: FloatArray) -> int:
+    """Find after how many samples the input is its own opposite; 0 if it never is."""
+    u = inputs - inputs.mean()
+    energy, lags = np.cumsum(u**2), np.arange(1, u.size // 4)
+    products = correlate(u, u)[u.size - 1 :][lags]
+    alike = products / np.sqrt(energy[-1 - lags] * (energy[-1] - energy[lags - 1]))
+    return int(lags[alike.argmin()]) if alike.min(initial=0.0) <= OPPOSITE else 0
 
 
 def denied_sign(
@@ -296,16 +294,17 @@ def denied_sign(
     if not (others or turned):
         return best.parameters, []
     low, high = min(gain.low, -abs(gain.value)), max(gain.high, abs(gain.value))
-    names = " and ".join(each.fit.structure.name for each in others)
-    said = (
-        f"{names} explains the record about as well with a gain of the other sign, so that the "
-        "sign is open and the interval of the gain is widened: make a larger step, and let the "
-        "output come to rest before and after it"
-    )
     if turned:
         said = (
             "u is its own opposite half a period later, so that a gain of the other sign with a "
             "dead time longer or shorter by that explains the record about as well, and the sign "
             "is open: begin the record with the plant at rest, or move u irregularly"
+        )
+    else:
+        names = " and ".join(each.fit.structure.name for each in others)
+        said = (
+            f"{names} explains the record about as well with a gain of the other sign, so that the "
+            "sign is open and the interval of the gain is widened: make a larger step, and let the "
+            "output come to rest before and after it"
         )
     return best.parameters | {"gain": replace(gain, low=low, high=high)}, [said]

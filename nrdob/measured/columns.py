@@ -41,8 +41,7 @@ LIKELY = {
     ),
     "y": (
         "t", "temp", "temperature", "level", "flow", "pressure", "adc", "angle", "speed", "rpm",
-        "velocity", "position", "feedback", "measured", "actual",
-        "process",
+        "velocity", "position", "feedback", "measured", "actual", "process",
     ),
 }  # fmt: skip
 """Words in headings of which the example in a question is made; nothing is taken for them."""

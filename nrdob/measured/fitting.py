@@ -67,9 +67,19 @@ class Problem:
     used: BoolArray
     grain: float
 
-    def first(self, count: int) -> Problem:
-        """Keep so many samples, from the first on."""
-        return Problem(self.inputs[:count], self.outputs[:count], self.used[:count], self.grain)
+    def part(self, which: slice) -> Problem:
+        """Keep some samples in a row."""
+        return Problem(self.inputs[which], self.outputs[which], self.used[which], self.grain)
+
+    def after(self, before: FloatArray) -> Problem:
+        """Let other inputs go before; their outputs are not known, and must not be compared."""
+        outputs, used = np.full(before.size, self.outputs[0]), np.ones(before.size, dtype=bool)
+        return Problem(
+            np.concatenate([before, self.inputs]),
+            np.concatenate([outputs, self.outputs]),
+            np.concatenate([used, self.used]),
+            self.grain,
+        )
 
     def thinned(self, factor: int) -> Problem:
         """Take means of so many samples."""
@@ -84,11 +94,9 @@ class Problem:
     def liveliest(self, count: int) -> Problem:
         """Keep so many samples in a row, where the input moves most."""
         moves = np.abs(np.diff(self.inputs, prepend=self.inputs[0]))
-        first = count * int(
-            np.add.reduceat(moves, np.arange(0, moves.size - count, count)).argmax()
-        )
-        part = slice(first, first + count)
-        return Problem(self.inputs[part], self.outputs[part], self.used[part], self.grain)
+        parts = moves[: moves.size // count * count].reshape(-1, count)
+        first = count * int(parts.sum(axis=1).argmax())
+        return self.part(slice(first, first + count))
 
     def left(self, fit: Fit) -> FloatArray:
         """Compute the residual from the first sample compared on."""

@@ -261,7 +261,7 @@ def _found(record: Record, structures: tuple[Structure, ...], held_out: float) -
     outputs = np.interp(every, every[record.free], outputs[record.free])
     whole = Problem(inputs, outputs, record.free, resolution(record.y) / float(sizes[1]))
     count, parting = _parted(record, held_out)
-    problem = whole.first(count)
+    problem = whole.part(slice(count))
     # An integrator moves, for nobody knows the input that keeps it at rest, unless it was said.
     known = record.input_before is not None
     begun = [

@@ -265,15 +265,15 @@ def _check_marks(sheet: Sheet, order: Mapping[str, int]) -> None:
     cells = {what: [row[k].strip() for row in sheet.rows[:SEEN]] for what, k in order.items()}
     for what, (mark, called, other) in product(cells, ((".", "point", ","), (",", "comma", "."))):
         marked = [k for k, cell in enumerate(cells[what]) if mark in cell]
-        decimals = (
+        decimals = [
             (beside, cell)
             for beside in cells
-            for cell in cells[beside] * (beside != what)
+            if beside != what
+            for cell in cells[beside]
             if DECIMAL[other].fullmatch(cell)
-        )
-        if not marked or not all(PARTED[mark].fullmatch(cells[what][k]) for k in marked):
-            continue
-        for beside, cell in decimals:
+        ]
+        if marked and decimals and all(PARTED[mark].fullmatch(cells[what][k]) for k in marked):
+            beside, cell = decimals[0]
             raise ValueError(
                 f"line {sheet.lines[marked[0]]}: {what} is {short(cells[what][marked[0]])!r}, "
                 f"which may have a {called} between thousands where {beside} has "

@@ -210,8 +210,8 @@ def _joined(kept: Sequence[tuple[int, str]]) -> list[tuple[int, str]]:
 def _separator(sample: Sequence[str]) -> str:
     """Find what separates the columns: what makes the most cells numbers.
 
-    Of such as make equally many, what makes the most lines alike, and then the fewest words beside
-    numbers.
+    Of such as make equally many, what makes the most lines alike, and then the fewest other cells
+    beside numbers.
     """
 
     def found(separator: str) -> tuple[int, int, int, int]:
@@ -221,13 +221,9 @@ def _separator(sample: Sequence[str]) -> str:
         if not numbers:
             return 0, sum(map(len, rows)), 0, place
         widths = [len(row) for row in rows]
-        words = sum(
-            bool(cell.strip()) and not value
-            for row, each in zip(rows, values, strict=True)
-            for cell, value in zip(row, each, strict=True)
-            if any(each)
-        )
-        return numbers, widths.count(mode(widths)), -words, place
+        beside = [row for row, each in zip(rows, values, strict=True) if any(each)]
+        filled = sum(bool(cell.strip()) for row in beside for cell in row)
+        return numbers, widths.count(mode(widths)), -filled, place
 
     return max(SEPARATORS, key=found)
 
