@@ -219,10 +219,14 @@ class _ObserverMaps:
     @cached_property
     def built(self) -> BuiltFactors:
         """Factors of the blocks F/Gm and (1 - F) Gm as they are built."""
-        num, den, filter_num = (self._factors[name] for name in ("Nm", "Dm", "Nf"))
-        gz, Nm, Nf = _shared(num, filter_num, keep=self.keep_factors)
-        gp, Dm, E = _shared(den, self.one_minus_F, keep=self.keep_factors)
+        gz, Nm, Nf = self.shared_zeros
+        gp, Dm, E = _shared(self._factors["Dm"], self.one_minus_F, keep=self.keep_factors)
         return BuiltFactors(Nm, Nf, Dm, E, gz, gp)
+
+    @cached_property
+    def shared_zeros(self) -> Shared:
+        """What the numerators of model and filter share, and what is left of them."""
+        return _shared(self._factors["Nm"], self._factors["Nf"], keep=self.keep_factors)
 
     @cached_property
     def p_B(self) -> QuasiPolynomial:

@@ -23,17 +23,19 @@ zeros at z = -1 in F/Gm as *zeros* of F.
 
 from __future__ import annotations
 
+from dataclasses import dataclass, field
 from fractions import Fraction as Exact
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from itertools import accumulate
-from math import comb, log2
+from math import comb, factorial, log2
+from operator import mul
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..diagram import Fraction, LoopEquations, as_fraction, nonzero, undelayed
-from ..numerics import FloatArray, QuasiPolynomial, written
+from ..numerics import FloatArray, QuasiPolynomial, Shared, shared_factor, written
 from .hold import checked_times, in_samples
 
 __all__ = [
@@ -49,7 +51,7 @@ Whole = NDArray[np.object_]
 
 FIRST, LAST = 128, 16384  # binary digits behind the point of the first and of the last attempt
 MULTIPLIED_OUT = 40  # samples of dead time up to which powers of 1 + v and 1 - v are multiplied out
-STEPS = 6  # halvings of a time near 1, after which Taylor's series is short
+STEPS = 2  # halvings of a time near 1, after which powers of A times it fall
 AT_NYQUIST = 1e-12  # distance of a pole from z = -1 at which it lies there
 ON_CIRCLE = 1e-9  # distance from the unit circle at which a sampling zero lies on it
 
@@ -86,13 +88,20 @@ def held_in_w(
     >>> np.roots(num).round(6).tolist(), np.roots(den).round(6).tolist()
     ([20.0], [-0.999167])
     """
+    return _held_in_w(process, dt, fraction, at_once)
+
+
+def _held_in_w(
+    process: Fraction, dt: float, fraction: float, at_once: bool, *, late: bool = False
+) -> Fraction:
+    """Take a process to the plane of w; of a `late` one without the factor 1 - αw."""
     if not process.num.any():  # no controller
         return Fraction(np.zeros(1), np.ones(1))
     a, h, direct, unit = _in_unit(tuple(process.num.tolist()), tuple(process.den.tolist()))
     given = _Given(a, h, direct, Exact(dt) / unit, Exact(fraction), at_once)
     bits, last = FIRST, None
     while bits <= LAST:
-        found = _in_v(given, bits)
+        found = _in_v(given, bits, late)
         if (
             found
             and last
@@ -102,7 +111,7 @@ def held_in_w(
             )
         ):
             return _scaled(found, dt)
-        bits, last = 2 * bits, found
+        bits, last = 3 * bits // 2, found
     raise ArithmeticError(
         f"the process has modes so much faster than dt = {dt:g} s that its samples cannot be "
         "computed: leave out what is much faster than the sampling"
@@ -223,24 +232,36 @@ def held_blocks(loop: LoopEquations, dt: float) -> LoopEquations:
             f"method='zoh' is not for a model with a dead time ({loop.model_delay:g} s); use "
             "method='tustin', whose model is delayed by whole samples and fractions of them"
         )
-    model = held_in_w(Gm, dt, at_once=True)
+    late = Gm.relative_degree > 0
+    model, filter = (_held_in_w(block, dt, 0.0, True, late=late) for block in (Gm, F))
     _check_sound(model, Gm, dt)
-    controller, filter = (held_in_w(block, dt, at_once=True) for block in (C, F))
-    blocks = LoopEquations(loop.process, model, controller, filter)
-    if Gm.relative_degree and not blocks.built.zeros.degree:
-        raise ValueError(
-            f"method='zoh' with dt = {dt:g} s: so long after a sample nothing is left in the "
-            "filter, and F/model cannot be told from a prediction; choose a shorter dt"
-        )
-    return blocks
+    filter = Fraction(filter.num / filter.num[-1], filter.den / filter.den[-1])  # F(0) = 1
+    sample = np.array([-dt / 2, 1.0]) if late else np.ones(1)
+    Gw, Fw = (Fraction(np.convolve(num, sample), den) for num, den in (model, filter))
+    controller = held_in_w(C, dt, at_once=True)
+    return _HeldBlocks(loop.process, Gw, controller, Fw, rest=(model, filter), sample=sample)
+
+
+@dataclass(frozen=True, eq=False)
+class _HeldBlocks(LoopEquations):
+    """Blocks behind holds: with a strictly proper model, both it and F begin with `sample`, 1 - αw.
+
+    It cancels in F/Gm, and nothing but its numerators tells so: `rest` is what they are without it.
+    """
+
+    rest: tuple[Fraction, Fraction] = field(kw_only=True)
+    sample: FloatArray = field(kw_only=True)
+
+    @cached_property
+    def shared_zeros(self) -> Shared:
+        found = shared_factor(*(QuasiPolynomial(block.num) for block in self.rest))
+        return found._replace(common=QuasiPolynomial(np.convolve(found.common.q, self.sample)))
 
 
 def _check_sound(held: Fraction, model: Fraction, dt: float) -> None:
+    """Refuse a model, without its sample of dead time, with a zero that only sampling has made."""
     roots = QuasiPolynomial(held.num).roots * dt / 2
-    at_infinity = held.den.size - held.num.size
-    # Of a model without direct term one zero is at z = ∞, w = 2/dt: a sample of dead time.
-    if model.relative_degree:
-        roots = np.delete(roots, np.abs(roots - 1).argmin())
+    at_infinity = held.den.size - held.num.size - (model.relative_degree > 0)
     z = np.append((1 + roots) / (1 - roots), np.full(at_infinity, -1.0))
     outside = z[np.abs(z) > 1 - ON_CIRCLE]
     own = QuasiPolynomial(model.num).roots
@@ -291,9 +312,10 @@ def _in_unit(
     return a[:0:-1], h[1:], b[0], unit
 
 
-def _in_v(given: _Given, bits: int) -> Fraction | None:
+def _in_v(given: _Given, bits: int, late: bool) -> Fraction | None:
     """Give the held process in powers of v = αw; None if a mode has grown beyond the digits."""
-    columns = [p @ _bilinear(p.size - 1) for p in _in_z(given, bits)]
+    num, den = _in_z(given, bits)
+    columns = [p @ _bilinear(p.size - 1) for p in (num[1:] if late else num, den)]
     largest = max(abs(x) for x in columns[1])
     if largest >> bits + bits // 4:  # det(zI - A) begins with 1: what is small beside it is lost
         return None
@@ -357,20 +379,26 @@ def _held(a: list[int], time: Exact, bits: int) -> tuple[list[int], list[int]]:
     Over a short step by Taylor's series; then h(2t) = 2h + x h², as exp(xt) = 1 + x h.
     """
     halvings = (time.numerator // time.denominator).bit_length() + STEPS
-    step = _fixed(time / 2**halvings, bits)
-    term = ([step] + [0] * len(a))[: len(a)]
-    held, k = term, 1
-    while any(term):
-        k += 1
-        # To the nearest: rounded down, what is negative would stay at -1 for ever.
-        down = k << bits + 1
-        term = [(2 * x * step + (k << bits)) // down for x in _by_x(term, a, bits)]
-        held = [x + y for x, y in zip(held, term, strict=True)]
+    step = _fixed(time / 2 ** (halvings - STEPS), bits)
+    powers = _falling_powers(tuple(a), bits)
+    terms = [step]
+    for k in range(2, len(powers) + 1):
+        terms.append(terms[-1] * step // (k << bits))
+    held = [sum(map(mul, terms, column)) >> bits + STEPS for column in zip(*powers, strict=True)]
     for _ in range(halvings):
         square = _by_x(_times(held, held, a, bits), a, bits)
         held = [2 * x + y for x, y in zip(held, square, strict=True)]
     one = ([1 << bits] + [0] * len(a))[: len(a)]
     return [x + y for x, y in zip(one, _by_x(held, a, bits), strict=True)], held
+
+
+@lru_cache  # of one block at many sampling times they are the same
+def _falling_powers(a: tuple[int, ...], bits: int) -> list[list[int]]:
+    """Powers of x/2^STEPS modulo a(x), as many as Taylor's series needs."""
+    powers = [([1 << bits] + [0] * len(a))[: len(a)]]
+    while factorial(len(powers)) >> bits == 0:
+        powers.append([x >> STEPS for x in _by_x(powers[-1], list(a), bits)])
+    return powers
 
 
 def _by_x(p: list[int], a: list[int], bits: int) -> list[int]:

@@ -605,13 +605,25 @@ def test_a_matched_loop_behind_a_hold_is_stable_however_slow_the_samples():
 
 
 @pytest.mark.slow
-def test_behind_a_hold_the_search_ends_where_nothing_is_left_in_the_filter():
-    # With its own process a loop is stable for every dt; from some dt on it cannot be told so.
+def test_behind_a_hold_a_matched_loop_ends_where_its_model_loop_does():
+    # What F and the model wait for cancels in F/Gm, however little is left of F after a sample.
     loop = paper.example(1)
     end = largest_sampling_time(loop, "zoh")
-    assert loop.sampled(0.9 * end, method="zoh").stability().stable
-    with pytest.raises(ValueError, match="nothing is left in the filter"):
-        loop.sampled(1.1 * end, method="zoh")
+    for dt, stable in ((0.999 * end, True), (1.001 * end, False)):
+        C, model = (ct.c2d(block, dt, "zoh") for block in (loop.controller, loop.model))
+        assert (np.abs(ct.poles(ct.feedback(C * model))).max() < 1) is np.bool_(stable)
+        assert loop.sampled(dt, method="zoh").stability().stable is stable
+
+
+@pytest.mark.parametrize("order", [1, 2, 5])
+def test_behind_a_hold_a_filter_of_which_a_sample_leaves_nothing_is_a_delay(order):
+    # F = 1/z then, so that 1 - F is 1 - 1/z and the observer loop of a wrong gain k has k/z - 1/z.
+    G, model = ct.tf([1.5], [1.0, 1.0]), ct.tf([1.0], [1.0, 1.0])
+    loop = nrdob.NRDOB(G, model, 0.1, nrdob.LowPassFilter(1e-4, order))
+    sampled = loop.sampled(1.0, method="zoh")
+    assert sampled.stability().stable is True
+    poles = np.linalg.eigvals(sampled.closed_loop.A)
+    assert np.abs(poles + 0.5).min() < 1e-6  # z - 1 + 1.5 = 0
 
 
 def test_a_loop_that_is_not_stable_has_no_largest_sampling_time():
