@@ -25,13 +25,14 @@ export MPLCONFIGDIR := $(CURDIR)/$(VENV)/matplotlib
 # process, each with one thread of BLAS. The files come in the order of tests/conftest.py, the
 # longest first, not by the number of their tests.
 PYTEST := OPENBLAS_NUM_THREADS=1 $(PY) -m pytest -q -n 3 --dist loadfile --no-loadscope-reorder
+EVERY_DAY := -m "not thorough"
 NBVAL := --nbval --nbval-current-env --nbval-cell-timeout 300 \
 	--nbval-sanitize-with tests/nbval-sanitize.cfg notebooks
 # Another processor rounds otherwise: the oldest kernels of OpenBLAS and of NumPy's own loops.
 OLD_PROCESSOR := OPENBLAS_CORETYPE=Nehalem \
 	NPY_DISABLE_CPU_FEATURES="X86_V3 X86_V4 AVX512_ICL AVX512_SPR"
 
-.PHONY: help env book pdf zip ledger quick test lint types layers map unit notebooks old-processor execute check \
+.PHONY: help env book pdf zip ledger quick test lint types layers map unit notebooks old-notebooks thorough execute check \
 	bench bench-table pages slides paper lab release grade report test-exercises test-site clean
 
 help: ## show this list
@@ -70,9 +71,13 @@ ledger: $(READY) ## run every check of the ledger, and write its two pages into 
 
 # The outputs stored in the notebooks are those of a current processor, and are compared with those
 # of an old one: the notebooks run once. `make notebooks` runs them as this machine computes.
-test: $(READY) ## run every check
+test: $(READY) ## run the checks of every change, the notebooks among them
 	@$(MAKE) --jobs=2 lint types layers unit
-	@$(MAKE) old-processor
+	@$(MAKE) old-notebooks
+
+thorough: $(READY) ## run what takes longer: browsers, graded classes, wide random searches
+	$(PYTEST) -m thorough tests nrdob book/nrdob_course --doctest-modules
+	$(OLD_PROCESSOR) $(PYTEST) nrdob book/nrdob_course --doctest-modules
 
 lint: $(READY) layers ## style and formatting, and whether everything stands, and is told, where it belongs
 	$(PY) -m ruff check .
@@ -96,10 +101,10 @@ map: $(READY) ## print the layers of the package, each module with its lines
 # Without the slow tests, those of the course (make test-exercises) and most random examples.
 quick: $(READY) ## the checks of the working day, in about a minute
 	@$(MAKE) --jobs=2 lint types layers unit \
-		FAST='-m "not slow" --ignore=tests/course --hypothesis-profile=quick'
+		EVERY_DAY='-m "not slow" --ignore=tests/course --hypothesis-profile=quick'
 
-unit: $(READY) ## unit tests, doctests, the rules for notebooks, the ledger, and the built book
-	$(PYTEST) $(FAST) tests nrdob book/nrdob_course --doctest-modules
+unit: $(READY) ## unit tests, doctests and the rules for notebooks
+	$(PYTEST) $(EVERY_DAY) tests nrdob book/nrdob_course --doctest-modules
 
 test-site: $(READY) ## build the book and open every page in a browser, at the width of a phone
 	$(PYTEST) tests/book/test_site.py
@@ -107,8 +112,8 @@ test-site: $(READY) ## build the book and open every page in a browser, at the w
 notebooks: $(READY) ## run every notebook and compare with the outputs stored in it
 	$(PYTEST) $(NBVAL)
 
-old-processor: $(READY) ## doctests and notebooks again, in the arithmetic of an old processor
-	$(OLD_PROCESSOR) $(PYTEST) $(NBVAL) nrdob book/nrdob_course --doctest-modules
+old-notebooks: $(READY) ## run every notebook in the arithmetic of an old processor
+	$(OLD_PROCESSOR) $(PYTEST) $(NBVAL)
 
 pages: $(READY) ## write what is made and stored: pages for teachers, questions in the chapters, the runs
 	$(PY) book/make/teaching.py

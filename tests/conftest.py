@@ -53,13 +53,16 @@ LONG = {"site", "ledger_run", "graded"}
 
 @pytest.hookimpl(tryfirst=True)
 def pytest_collection_modifyitems(items):
-    """What waits for a long fixture is slow; its files come first, then those with slow tests.
+    """What waits for a long fixture is thorough, what is thorough slow; their files come first.
 
     Else one of the processes that share the tests would begin with one when the others are done.
     """
     waiting = [item for item in items if LONG & set(getattr(item, "fixturenames", ()))]
     for item in waiting:
-        item.add_marker(pytest.mark.slow)
+        item.add_marker(pytest.mark.thorough)
+    for item in items:
+        if item.get_closest_marker("thorough"):
+            item.add_marker(pytest.mark.slow)
     first = {item.path for item in waiting}
     slow = {item.path for item in items if item.get_closest_marker("slow")}
     items.sort(key=lambda item: (item.path not in first, item.path not in slow))

@@ -11,7 +11,7 @@ import pytest
 ROOT = Path(__file__).resolve().parents[1]
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 def test_every_name_plot_and_report_needs_only_what_is_declared(tmp_path):
     # What the wheel consists of, away from the source and from what stands beside it.
     shutil.copytree(ROOT / "nrdob", tmp_path / "wheel" / "nrdob")

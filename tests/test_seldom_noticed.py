@@ -24,7 +24,7 @@ from nrdob.reporting.trials import Outcome, Trial, in_words
 s = ct.tf("s")
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 def test_a_model_that_misses_what_the_input_does_is_a_warning() -> None:
     found = nrdob.identify(*heated_air())
     for independent in (True, False, None):
@@ -67,7 +67,7 @@ def test_a_root_at_zero_that_comes_only_where_both_dead_times_are_equal_is_no_re
     assert values == round((turned[0] - turned[-1]) / (2 * np.pi)) == 0
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 def test_a_loop_that_is_stable_at_every_sampling_time_has_no_longest() -> None:
     loop = NRDOB(1 / (s + 1), 1 / (s + 1), 0, LowPassFilter(1.0, 1))
     assert largest_sampling_time(loop, "zoh") == inf

@@ -121,7 +121,7 @@ PLANTS = {
 }
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 @pytest.mark.parametrize("name", PLANTS)
 @pytest.mark.parametrize("order", [1, 2])
 def test_bandwidths_are_those_with_all_poles_on_the_left(name, order):

@@ -39,7 +39,7 @@ def examples(number):
     )  # fmt: skip
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 @pytest.mark.parametrize("number", [2, 4])
 def test_every_candidate_keeps_to_the_limits_and_is_at_one_of_them(number):
     loop, found = examples(number)
@@ -89,7 +89,7 @@ PLANTS = {
 }
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 @pytest.mark.parametrize("name", PLANTS)
 def test_nothing_raises_on_plants_that_nobody_prepared(name):
     G, Gm, C = PLANTS[name]
@@ -237,7 +237,7 @@ def from_the_blocks(loop, w, tau):
     return G(w) * np.exp(-dead * w), np.polyval(num, w) / open_ / Gm(w), 1 / (tau * w + 1)
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 @pytest.mark.parametrize("seed", range(8))
 def test_the_numbers_are_those_of_a_grid_and_of_a_numerical_inverse_transform(seed):
     rng = np.random.default_rng(seed)

@@ -65,6 +65,7 @@ def test_units_are_never_mixed():
     assert found.pm == pytest.approx(65.09, abs=0.01)  # degrees
 
 
+@pytest.mark.thorough
 @pytest.mark.usefixtures("no_warning_leaks")
 @pytest.mark.parametrize(
     "number", [*(pytest.param(k, marks=pytest.mark.slow) for k in (1, 2, 3)), 4]

@@ -104,7 +104,7 @@ def test_the_loop_keeps_its_roots_inside_the_gain_interval_and_loses_them_outsid
     check_gain_interval(loop.L, margins_if_stable(loop))
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 @given(loops(delayed=True))
 @settings(max_examples=25)
 def test_the_delayed_loop_keeps_its_roots_inside_the_gain_interval(loop):
@@ -432,7 +432,7 @@ def test_the_distance_of_a_loop_close_to_the_border_is_right_to_ten_digits():
     assert found.pm == pytest.approx(0.0161408469815793, rel=1e-10)
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 @given(loops())
 @settings(max_examples=30)
 def test_margins_are_never_below_the_bounds_of_the_peak(loop):

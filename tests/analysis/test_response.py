@@ -134,7 +134,7 @@ def assert_exact(loop, input, times, rel):
         assert_close(found, wanted, rel)
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 @pytest.mark.parametrize("input", INPUTS)
 @pytest.mark.parametrize("k", [1, 2, 3])
 def test_delay_free_examples_equal_the_inverse_laplace_transform(k, input):
@@ -148,7 +148,7 @@ def test_example_4_equals_the_series_in_delayed_terms(input):
     assert_exact(example(4), input, np.array([0.02, 0.049, 0.0501, 0.12, 0.33, 0.61]), 1e-9)
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 @pytest.mark.parametrize("input", INPUTS)
 @pytest.mark.parametrize(
     "loop", [neutral(), neutral(0.1), delayed_lag(1.0, 1.5), delayed_lag(1.0, 1e-3)]
@@ -650,7 +650,7 @@ def test_real_numbers_may_be_stored_as_complex_ones():
     assert np.array_equal(found.outputs, same.outputs)
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 @pytest.mark.parametrize("seed", [0, 1])
 def test_random_loops_with_dead_times_are_summed_echo_by_echo(seed):
     errors, refusals = delayedsteps.campaign(15, seed)

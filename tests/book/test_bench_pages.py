@@ -107,7 +107,7 @@ def lab(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, dict[str, Any]]
     return folder, space
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 def test_the_bench_lab_leads_to_a_loop_that_holds(lab: tuple[Path, dict[str, Any]]) -> None:
     _, space = lab
     found, loop = space["found"], space["loop"]

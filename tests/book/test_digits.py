@@ -1,8 +1,8 @@
 """Nothing is printed that another processor would print otherwise.
 
 The last digits of a result are the kernel's: another BLAS, another vector unit, another digit.
-``make old-processor`` runs doctests and notebooks on such an arithmetic; here it is asked that
-they show nothing which hangs on it.
+``make test`` runs the notebooks in such an arithmetic, ``make thorough`` the doctests; here it is
+asked that they show nothing which hangs on it.
 """
 
 from __future__ import annotations

@@ -83,6 +83,7 @@ def within(sets: list[tuple[float, float]], low: float, high: float) -> list[tup
     return [(max(a, low), min(b, high)) for a, b in sets if b > low and a < high]
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("number", paper.EXAMPLES)
 def test_verdict_counts_and_sensitivity_are_those_of_the_package(tab: Any, number: int) -> None:
     rng = np.random.default_rng(number)
@@ -114,6 +115,7 @@ def test_the_bar_shows_the_stabilising_set(tab: Any, number: int) -> None:
         assert np.allclose(found, wanted, rtol=1e-6)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("number", paper.EXAMPLES)
 @pytest.mark.parametrize("signal", ["R", "d", "delta", "eta"])
 def test_steps_are_those_of_the_package(tab: Any, number: int, signal: str) -> None:
@@ -166,6 +168,7 @@ def drawn_adrc(rng: np.random.Generator) -> tuple[dict[str, Any], Any]:
     return {**at, "plant": shown.plant}, process
 
 
+@pytest.mark.thorough
 def test_the_sampled_loop_is_judged_as_by_the_package(tab: Any) -> None:
     rng = np.random.default_rng(30)
     seen = set()
@@ -310,6 +313,7 @@ def farthest(points: list[np.ndarray], lines: list[np.ndarray]) -> float:
     return float(nearest.max(initial=0.0))
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("upwards", UPWARDS)
 def test_the_borders_of_the_chart_are_those_of_the_package(tab: Any, upwards: str) -> None:
     rng = np.random.default_rng(40)
@@ -327,6 +331,7 @@ def test_the_borders_of_the_chart_are_those_of_the_package(tab: Any, upwards: st
     assert seen > 8
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("upwards", UPWARDS)
 def test_the_count_at_the_point_of_the_chart_is_that_of_the_package(tab: Any, upwards: str) -> None:
     rng = np.random.default_rng(41)
@@ -631,6 +636,7 @@ CROWDED = """() => [...document.querySelectorAll(".explorable svg")].flatMap((pl
 })"""
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("shown", ["motor", "4", "proof", "sampled", "adrc"])
 def test_no_word_of_a_plot_is_cut_or_lies_over_another(tab: Any, shown: str) -> None:
     ranges = DELAYED

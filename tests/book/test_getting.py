@@ -158,6 +158,7 @@ def test_a_site_of_another_theme_is_named():
         pdf.one(BeautifulSoup("<p>", "html.parser"), "article")
 
 
+@pytest.mark.thorough
 @pytest.mark.skipif(CHROMIUM is None, reason="a PDF needs Chromium, and there is none here")
 def test_the_pdf_has_page_numbers_an_outline_and_its_answers_at_the_end(site: Path, tmp_path: Path):
     pdf.build(site, tmp_path / "book.pdf")

@@ -102,7 +102,7 @@ PLANTS = {
 }
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 @pytest.mark.parametrize("kind", PLANTS)
 def test_a_plant_that_the_chapter_does_not_show_gets_a_loop_that_is_stable(kind: str) -> None:
     names, said = run(every=kind == "biproper, inverse", process=PLANTS[kind])

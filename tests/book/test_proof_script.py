@@ -26,7 +26,7 @@ process.stdout.write(JSON.stringify(found.map((proof) => proof && [proof.roots, 
 """
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 @pytest.mark.skipif(shutil.which("node") is None, reason="no node: the script was NOT run")
 def test_half_planes_of_a_page_count_what_the_package_counts() -> None:
     rng, asked, counts = np.random.default_rng(3), [], []

@@ -39,7 +39,7 @@ def lines_of_solutions(name: str) -> list[str]:
     return [line for line in found if len(line) > 20]
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 def test_each_set_has_its_page_and_its_solutions_apart(printed: dict[str, BeautifulSoup]) -> None:
     pages = {name + end for name in SETS for end in ("", "_solutions")}
     assert printed.keys() == pages | {"boards"}

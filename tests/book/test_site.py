@@ -160,6 +160,7 @@ def is_external(address: str) -> bool:
     return bool(parts.netloc) or parts.scheme in {"http", "https", "ftp"}
 
 
+@pytest.mark.thorough
 def test_the_ledger_is_in_order(ledger_run: Run) -> None:
     code, said = ledger_run
     assert code == 0, said
@@ -189,6 +190,7 @@ def test_the_pages_for_teachers_are_in_order(teaching_run: Run) -> None:
     assert code == 0, said
 
 
+@pytest.mark.thorough
 def test_every_page_is_there(site: Path) -> None:
     chapters = {f"chapters/{path.stem}" for path in (ROOT / "notebooks").glob("*.ipynb")}
     assert chapters, "there are no notebooks, so there is no book"
@@ -200,6 +202,7 @@ def test_every_page_is_there(site: Path) -> None:
     assert not missing, f"pages not built: {missing}"
 
 
+@pytest.mark.thorough
 def test_every_chapter_can_be_reached_from_the_front_page(pages: dict[Path, BeautifulSoup]) -> None:
     front = next(page for path, page in pages.items() if path.name == "index.html")
     links = {str(link["href"]).split("#")[0] for link in front.select("article a[href]")}
@@ -630,6 +633,7 @@ def looks(seen: Opened) -> Looks:
     return seen.phone
 
 
+@pytest.mark.thorough
 def test_wider_darker_and_unfolded_nothing_is_cut_or_distorted(seen: Opened) -> None:
     assert {view: look.amiss for view, look in seen.other.items() if look.amiss} == {}
 
@@ -752,6 +756,7 @@ def in_turn(tab: Any) -> Slid:
     return Slid(slides, cut, hidden, {width: on(width, 740, "", HEIGHTS) for width in (360, 800)})
 
 
+@pytest.mark.thorough
 def test_on_a_phone_verdict_and_plot_are_seen_beside_every_slider(slid: dict[str, Slid]) -> None:
     assert {page: seen.hidden for page, seen in slid.items()} == {page: [] for page in MOVED}
 
@@ -762,6 +767,7 @@ def test_nothing_jumps_while_a_slider_moves(slid: dict[str, Slid], width: int) -
     assert {page: found for page, found in heights.items() if len(found) > 1} == {}
 
 
+@pytest.mark.thorough
 def test_pages_with_sliders_can_be_enlarged(site: Path, slid: dict[str, Slid], opened: Any) -> None:
     """Twice as large on a screen of 1280 pixels, and with letters alone twice as large."""
     screen = {"viewport": {"width": 640, "height": 400}, "device_scale_factor": 2}
@@ -853,6 +859,7 @@ def test_code_is_as_large_as_the_text(site: Path, opened: Any) -> None:
         assert found["block"] >= block and found["columns"] >= columns, (width, found)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("page", ["teaching/syllabus", "chapters/11_rules"])
 def test_a_table_that_goes_on_has_a_shadow_there(site: Path, opened: Any, page: str) -> None:
     tab = opened.new_page(viewport={"width": 360, "height": 740})
@@ -1051,6 +1058,7 @@ def code(page: BeautifulSoup, on_paper: bool) -> set[str]:
     return {line for line in found if len(line) > 20}
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(
     "name", ["05_how_slow_must_the_filter_be", "13_limits", "19_on_a_processor"]
 )

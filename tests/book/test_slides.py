@@ -149,6 +149,7 @@ def stacks(soup: BeautifulSoup) -> list[list[Tag]]:
     return [section.find_all("section", recursive=False) for section in outer]
 
 
+@pytest.mark.thorough
 @each_deck
 def test_each_question_is_a_stack_of_three_slides(folder: Path, deck: Path) -> None:
     soup = page(folder, deck)

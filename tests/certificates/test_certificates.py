@@ -162,6 +162,7 @@ def test_points_of_a_quadratic_by_hand():
     assert points[0] == 0 and points[-1] ** 2 > 2 * points[-1] + 2
 
 
+@pytest.mark.thorough
 def test_saved_certificates_are_checked_by_the_file_alone(tmp_path):
     path, alone = tmp_path / "certificate.json", tmp_path / "checker.py"
     example(4).stability().certificate().save(path)
@@ -400,7 +401,7 @@ def test_parts_that_leave_a_gap_are_refused(interval):
                 check(wrong)
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 def test_parts_of_different_loops_do_not_join():
     delays, lags = parts_of(delays=(0.0, 0.28)), parts_of(time_constants=(0.1, 9.0))
     other = example(1).stability().certificate().content
@@ -424,7 +425,7 @@ def test_sampled_loops_are_counted_as_by_the_verdict(number, ratio):
     assert "Re w = c (z - 1)/(z + 1) >= 0" in str(certificate)
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 @pytest.mark.parametrize(
     ("late", "wait", "stable"),
     [(0.05, 0.1, 1), (0.6, 0.26, 1), (1.0, 1.0, 1), (2.0, 0.1, 0), (2.0, 0.26, 0)],

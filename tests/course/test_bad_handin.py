@@ -114,6 +114,7 @@ ARCHIVES: dict[str, tuple[Callable[[str], bytes], str]] = {
 }
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("name", ARCHIVES)
 def test_what_is_bad_in_an_archive_is_named_and_the_rest_is_graded(
     name: str, good: str, said: Said, tmp_path: Path
@@ -152,6 +153,7 @@ NOTEBOOKS: dict[str, tuple[bytes, str]] = {
 }
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("name", NOTEBOOKS)
 def test_a_broken_notebook_is_named_and_the_others_are_graded(
     name: str, good: str, said: Said, tmp_path: Path

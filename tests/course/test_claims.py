@@ -373,7 +373,7 @@ MUTATIONS = {
 """What is made wrong, and claims that must not survive it."""
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 @pytest.mark.parametrize(
     ("mutation", "id"),
     [(mutation, id) for mutation, ids in MUTATIONS.items() for id in ids.split()],

@@ -163,6 +163,7 @@ def line(this: Handed) -> dict[str, str]:
     }
 
 
+@pytest.mark.thorough
 def test_every_line_of_the_table(
     everything: list[Handed], forging: Forgers, graded: Graded
 ) -> None:
@@ -279,6 +280,7 @@ def test_feedback_says_what_went_wrong(graded: Graded) -> None:
     assert "Not marked yet" in text
 
 
+@pytest.mark.thorough
 def test_marks_by_hand_reach_table_and_feedback(
     graded: Graded, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

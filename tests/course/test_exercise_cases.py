@@ -99,7 +99,7 @@ def accepted(problem: Problem, group: int) -> set[str]:
     return found
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 @pytest.mark.parametrize("id", PROBLEMS)
 def test_nothing_of_a_case_is_its_answer(id: str) -> None:
     # By chance a number of one case may be right; of another it is not.

@@ -667,7 +667,7 @@ each_wrong = pytest.mark.parametrize(
 )
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 @each_route
 def test_another_route_gets_full_marks(id: str, number: int) -> None:
     found = points(id, ROUTES[id][number], group=2)
@@ -686,7 +686,7 @@ CHEAP = [id for id in WRONG if id not in ("4.1", "4.2", "5.3", "5.6", "6.2", "6.
 
 
 # Two groups besides that of the test above; tests/campaigns/misconceptions.py has many.
-@pytest.mark.slow
+@pytest.mark.thorough
 @pytest.mark.parametrize("id", CHEAP)
 def test_what_only_looks_right_fails_in_other_groups(id: str) -> None:
     for wrong in WRONG[id]:
@@ -707,7 +707,7 @@ def changed(this: Posed, group: int, change: Route) -> Any:
     return score(this.id, answer, group, points=1, seed=900_000 + group).feedback
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 @each_problem
 @pytest.mark.parametrize("digits", [3, 4, 6])
 def test_a_rounded_right_answer_is_right_or_told_so_and_never_accused(
@@ -754,6 +754,7 @@ BLOCKS = ("1.6", "2.5", "2.6", "3.6", "4.3", "4.5", "4.6", "5.6", "6.6", "7.6")
 """Problems that ask for a filter, a plant or a loop, and not for numbers."""
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(
     "this", [this for this in ALL if this.id not in BLOCKS], ids=lambda this: this.id
 )
@@ -774,7 +775,7 @@ MISFITS = [
 ]  # fmt: skip
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 @each_problem
 def test_what_is_no_answer_is_told_kindly(this: Posed) -> None:
     for misfit in MISFITS:

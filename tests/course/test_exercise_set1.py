@@ -133,7 +133,7 @@ def test_the_wishes_are_no_rounder_than_they_can_be_met() -> None:
             assert (accepts(PROBLEMS["1.6"], case, F) is True) is expected, (case, share)
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 @pytest.mark.parametrize("id", ["1.1", "1.3", "1.4", "1.5", "1.6"])
 def test_cases_are_found_for_every_group(id: str) -> None:
     texts = {str(own_case(id, group)) for group in range(150)}

@@ -39,7 +39,7 @@ def test_the_plot_does_not_tell_its_count(group: int) -> None:
     plt.close(figure.figure)
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 def test_every_count_occurs_and_the_plot_hides_a_root() -> None:
     loops = [READING.cases(group, 1)[0].loop for group in range(40)]
     found = [loop.stability().observer_loop for loop in loops]

@@ -162,7 +162,7 @@ def test_a_number_is_no_filter() -> None:
     assert "LowPassFilter" in check("3.6", 0.5, 1).text
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 @pytest.mark.parametrize("id", ["3.1", "3.4", "3.5", "3.6"])
 def test_cases_are_found_for_every_group(id: str) -> None:
     for group in range(100):

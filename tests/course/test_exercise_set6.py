@@ -114,7 +114,7 @@ def passing(case: Project, order: int, gain: float) -> list[float]:
     ]
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 @pytest.mark.parametrize("group", [1, 2, 3])
 def test_more_than_one_design_counts_and_not_every_one(group: int) -> None:
     case = own_case("6.6", group)

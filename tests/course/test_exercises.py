@@ -157,7 +157,7 @@ def test_the_blank_gets_nothing(this: Posed, group: int, seed: int) -> None:
     assert points.feedback.text == (BLANK if this.problem.own else NOTHING)
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 @each_misconception
 @pytest.mark.parametrize(("group", "seed"), GROUPS_AND_SEEDS[1:])
 def test_a_misconception_gets_its_message_and_its_marks(
@@ -175,7 +175,7 @@ def test_a_misconception_gets_its_message_and_its_marks(
     )
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 @each_problem_of_many_cases
 @pytest.mark.parametrize(("group", "seed"), GROUPS_AND_SEEDS[1:])
 def test_an_answer_written_for_the_visible_cases_does_not_pass(

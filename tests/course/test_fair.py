@@ -40,6 +40,7 @@ def shifted(case: Any, c: float) -> tuple[float, list[float], list[float]]:
 # --- 1.5 and 4.6 --------------------------------------------------------------------------------
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("c", [-10.0, -1.0, -0.02, 20.0, 1e6])
 def test_a_twin_with_an_unstable_filter_is_no_right_one_that_was_rounded(c: float) -> None:
     for group in range(1, 6):
@@ -114,6 +115,7 @@ SLIPS: list[tuple[str, str, Answer, float]] = [
 ]
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(("id", "name", "slip", "share"), SLIPS)
 def test_a_unit_or_an_order_is_told_as_what_it_is(
     id: str, name: str, slip: Answer, share: float

@@ -193,6 +193,7 @@ def filled(kind: str, count: int) -> Any:
     }[kind]
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("kind", ["list", "tf", "ss", "polynomial", "filter", "empty"])
 def test_what_is_too_large_is_refused_before_anything_is_computed(
     kind: str, monkeypatch: pytest.MonkeyPatch
@@ -255,7 +256,7 @@ def test_every_hidden_test_is_read() -> None:
             assert found.settings == {"points": this.points, "seed": this.seed}
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 @pytest.mark.parametrize("path", SETS, ids=lambda path: path.stem)
 def test_judged_apart_is_judged_alike(path: Path, kernel: Any) -> None:
     space = {**run(path, 5), "GROUP": 5}
@@ -429,6 +430,7 @@ print(json.dumps(found))
     return dict(json.loads(done.stdout))
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("path", SETS, ids=lambda path: path.stem)
 def test_the_cases_that_are_handed_out_are_those_of_the_graders(
     path: Path, found_there: dict[str, dict[str, str]]

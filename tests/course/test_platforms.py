@@ -287,7 +287,7 @@ def sent(notebook: Any) -> list[Sent]:
     ]
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 @pytest.mark.parametrize("platform", [moodle, canvas])
 def test_sixty_exported_graded_and_brought_back(
     platform: Any, notebook: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch

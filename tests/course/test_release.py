@@ -27,6 +27,7 @@ def released(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return tmp_path_factory.getbasetemp() / "first" / "release"
 
 
+@pytest.mark.thorough
 def test_releasing_twice_gives_the_same_bytes(released: Path) -> None:
     files = [path.relative_to(released) for path in released.rglob("*") if path.is_file()]
     assert {path.suffix for path in files} >= {".ipynb", ".zip"}
@@ -52,6 +53,7 @@ def test_the_release_holds_neither_solutions_nor_hidden_tests(path: Path, releas
     assert not any(cell.get("outputs") for cell in given_out.values())
 
 
+@pytest.mark.thorough
 def test_the_solutions_run_and_hold_no_hidden_tests() -> None:
     text = solved(PATH)
     assert "HIDDEN" not in text and "BEGIN SOLUTION" not in text

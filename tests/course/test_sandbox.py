@@ -316,7 +316,7 @@ def test_who_stays_root_is_told(
     assert "you are root" in capsys.readouterr().out
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 @pytest.mark.skipif(sys.platform != "linux", reason="only Linux gives orphans to a grandparent")
 def test_what_is_left_running_can_be_ended() -> None:
     program = """

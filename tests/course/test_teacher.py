@@ -97,6 +97,7 @@ def graded(school: Class, class_of_three: Path, tmp_path: Path) -> Class:
 # --- points that were typed ---------------------------------------------------------------------
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(
     ("text", "says"),
     [("5", "5 is not between 0 and 3"), ("abc", "'abc' is no number"), ("-1", "-1 is not between"),
@@ -491,6 +492,7 @@ def nested_folder(place: Path, outside: Path) -> None:
     (place / "eve" / "work").symlink_to(outside, target_is_directory=True)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("zipped", [False, True])
 @pytest.mark.parametrize("lay", [whole_folder, one_file, flat_file, nested_folder])
 def test_no_link_is_followed(

@@ -257,7 +257,7 @@ def test_charts_of_a_model_that_waits_and_integrates_have_the_counts(first, pole
     assert wrong_points(chart, 20, 3) == []
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 def test_random_charts_have_the_counts_of_their_loops():
     found = campaign(6, 21)
     assert sum(found.values()) == sum(n for name, n in found.items() if name.endswith("right"))

@@ -71,7 +71,7 @@ def dc_gain_is_infinite(tf):
     return tf.den[0][0][-1] == 0
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 @pytest.mark.parametrize(
     ("process", "integrators"),
     [(nrdob.delay(0.1) / s, 1), (1 / s**2, 2), (1 / (s * (s - 1)), 1), ((1 - 0.2 * s) / s**2, 2)],
@@ -207,7 +207,7 @@ def test_without_a_bandwidth_the_integral_gain_is_the_largest(model):
             assert abs(other.num[0][0][-1] / other.den[0][0][-2]) < integral * 1.02
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 @pytest.mark.parametrize(
     ("den", "gain", "phase_margin"),
     [
@@ -265,7 +265,7 @@ def test_impossible_wishes_are_refused(options, message):
         design_controller(lag, **options)
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 @pytest.mark.parametrize("zeta", [0.01, 0.03])
 @pytest.mark.parametrize("max_ms", [1.2, 2.0])
 def test_an_integrator_before_a_resonance_is_limited_by_its_sensitivity_peak(zeta, max_ms):

@@ -89,6 +89,7 @@ def test_a_limit_just_above_the_best_there_is_can_be_met(number, modified, above
     assert plant_loop(loop.process, loop.model, F).ms <= limit * (1 + 1e-9)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(
     "max_ms", [1.16, *(pytest.param(ms, marks=pytest.mark.slow) for ms in (1.3, 2.0))]
 )
@@ -177,7 +178,7 @@ def test_admissible_time_constants_end_where_the_closed_form_says():
     assert admissible_time_constants(4 / (2 - s - s**2), 1 / (s + 1) ** 2, 2, max_ms=2) == []
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 @settings(max_examples=60)
 @given(fractions(), fractions(), st.floats(1.2, 3.0))
 def test_random_designs_keep_their_promise(process, model, max_ms):

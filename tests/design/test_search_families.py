@@ -111,7 +111,7 @@ def test_a_slow_end_of_the_response_does_not_hide_a_fast_peak():
     assert step_peak(loop) == pytest.approx(early, rel=1e-4)
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 @pytest.mark.parametrize("max_ms", [1.2, 2.0, 4.0])
 def test_a_family_of_lags_with_dead_time_has_the_windows_of_its_order(max_ms):
     # The two ways disagreed for 3 of 30 delayed loops, and one of them refused them.

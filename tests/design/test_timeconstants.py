@@ -196,7 +196,7 @@ def mismatches(draw, *, delayed):
     return process, model, max(1, relative_degree) + draw(st.integers(0, 1))
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 @pytest.mark.parametrize("delayed", [False, True])
 @settings(max_examples=60)  # thousands in tests/campaigns/sets.py
 @given(data=st.data())
@@ -219,7 +219,7 @@ def test_every_end_of_random_sets(delayed, data):
             assert found == 0 < beyond
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 @settings(max_examples=60)
 @given(data=st.data())
 def test_random_sets_miss_nothing_on_a_scan(data):
@@ -270,7 +270,7 @@ def test_a_very_fast_filter_is_counted_without_overflow(no_warning_leaks):
     assert counts == [1, 1, 1]
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 @pytest.mark.parametrize("order", [1, 2])
 def test_no_crossing_is_lost_where_it_falls_on_a_frequency_tried(order):
     for gain in np.geomspace(0.2, 10, 120):
@@ -411,7 +411,7 @@ def lost_at(n):
     return float(np.min(2 / x * np.arcsin((1 + x**2) ** (n / 2) / 2)))
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 @pytest.mark.parametrize("n", range(1, 7))
 @pytest.mark.parametrize("side", [-1, 1])
 def test_a_dead_time_wrong_by_c_n_time_constants_is_too_wrong(n, side):

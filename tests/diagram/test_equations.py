@@ -220,6 +220,7 @@ def test_roots_that_are_only_near_do_not_cancel():
     assert tf.poles().real.max() < 0
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("order", [1, 2, 4, pytest.param(10, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("seed", range(6))
 def test_transfer_functions_of_separated_time_scales_are_the_maps(seed, order):

@@ -64,7 +64,7 @@ def random_polynomial(rng, degree, decades):
     return polynomial(roots), sum(np.real(r) > -1e-12 * abs(r) for r in roots)
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 @pytest.mark.parametrize("decades", [1, 3, 5])
 def test_what_cancels_is_recognised_in_random_models(decades):
     rng = np.random.default_rng(decades)

@@ -188,7 +188,7 @@ def test_a_c_without_an_integrator_goes_on_with_u_only_from_rest_and_says_so():
 BAD = [np.nan, np.inf, -np.inf]
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 @pytest.mark.parametrize("dtype", ["double", "float"])
 @pytest.mark.parametrize("cc", COMPILERS)
 @pytest.mark.parametrize("seed", range(4))

@@ -596,7 +596,7 @@ def test_sets_say_which_dead_times_they_do_not_take():
         ask(G, G, 1, computation_delay=0.1)
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 def test_a_matched_loop_behind_a_hold_is_stable_however_slow_the_samples():
     # The model's loop has its root at exp(-T) - 0.1 (1 - exp(-T)), within the circle for every T.
     model = 1 / (s + 1)

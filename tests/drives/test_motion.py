@@ -12,7 +12,7 @@ from nrdob.drives import Friction, Motion, OneMass, TwoMasses
 from nrdob.drives.pieces import Stretch, first_exit
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 def test_random_drives_move_as_scipy_integrates_them():
     found = campaign(10, 1)
     assert found["alike to 1e-7"] == 10 and "NOT alike" not in found

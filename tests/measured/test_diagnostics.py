@@ -121,7 +121,7 @@ def test_a_heater_in_a_room_that_drifts_has_the_sign_of_its_gain(kind, seed, cas
     assert gain.low * gain.high > 0
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 @pytest.mark.parametrize(
     ("kind", "case"), [("three steps", 0), ("three steps", 3), ("step", 7), ("three steps", 7)]
 )
@@ -290,7 +290,7 @@ def test_an_outlier_at_the_end_is_told():
     assert said.startswith("y has 2 outliers, such as")
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 @pytest.mark.parametrize(
     ("place", "value"),
     [
@@ -310,7 +310,7 @@ def test_a_spike_that_a_fit_would_follow_is_left_out(place, value):
     assert found.parameters["gain"].value == pytest.approx(2.0, rel=0.01)
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 @pytest.mark.parametrize("case", [19, 28, 38])
 def test_a_drift_that_looks_like_slow_noise_is_counted_in(case):
     true = thermal("three steps", np.random.default_rng([77, case, 11]))
@@ -318,7 +318,7 @@ def test_a_drift_that_looks_like_slow_noise_is_counted_in(case):
     assert gain.low < true.truth["gain"] < gain.high
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 @pytest.mark.parametrize("losses", [0.0, 1e-5])
 @pytest.mark.parametrize(("off", "count"), [(35, 240), (65, 120)])
 def test_what_cools_by_itself_is_no_integrator(off, count, losses):
@@ -329,7 +329,7 @@ def test_what_cools_by_itself_is_no_integrator(off, count, losses):
     assert losses or gain.low < 29 / 3 < gain.high
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 def test_a_lag_of_many_records_is_an_integrator():
     """An angle, every 6.25 ms, of a motor of 0.36 s with dry friction that grows at first."""
     times = np.arange(1000)
@@ -346,7 +346,7 @@ def test_a_lag_of_many_records_is_an_integrator():
     assert found.structure.startswith("integrator") and not found.unsure
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 @pytest.mark.parametrize("later", [1.0, 1.3])
 def test_a_plant_that_rests_until_the_step_does_not_begin_to_move_by_itself_with_it(later):
     found = identify(*oven(np.where(np.arange(360) < 15, 0.0, 30.0), later))
@@ -570,7 +570,7 @@ def test_a_sensor_that_rounds_is_not_taken_for_a_limit_at_the_end_of_a_record():
         assert checked_record(t, (t > 10) * 50.0, y).free.all()
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 def test_a_loop_is_tried_on_what_the_record_does_not_exclude():
     true = thermal("three steps", np.random.default_rng([1, 4, 11]))
     found = identify(true.t, true.u, true.y)
@@ -587,7 +587,7 @@ def test_a_loop_is_tried_on_what_the_record_does_not_exclude():
         assert trial.ms <= 2.5 and trial.ms >= np.abs(tried.S_d(1j * omega)).max() - 1e-3
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 def test_a_filter_is_made_slower_until_no_corner_fails():
     t, u, y = lag(switched(120, seed=3), noise=0.6)
     found = identify(t, u, y, structure=ONE_LAG, held_out=0)

@@ -54,7 +54,7 @@ def test_without_noise_every_number_is_found(structure, kind):
     assert found.fit_percent > 99.9
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 @pytest.mark.parametrize("disturbed", DISTURBANCES)
 def test_intervals_hold_the_truth_as_often_as_they_say(disturbed):
     # 95 % of 36 intervals; the long campaign has thousands.
@@ -68,7 +68,7 @@ def test_intervals_hold_the_truth_as_often_as_they_say(disturbed):
     assert len(told) == 36 and sum(told) >= 31
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 def test_the_structure_behind_a_record_is_chosen():
     rng = np.random.default_rng(11)
     chosen = []
@@ -110,7 +110,7 @@ def test_what_one_lag_cannot_explain_is_not_taken_for_drift():
     assert found.validation_percent == pytest.approx(82.4, abs=0.3)
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 def test_one_lag_by_least_squares_is_a_rival():
     record = heated_air()
     step = record.sampling_time
@@ -405,6 +405,7 @@ def test_an_input_too_poor_for_so_many_numbers_leaves_independence_open():
     assert "too poor" in found.reason
 
 
+@pytest.mark.thorough
 def test_an_integrator_whose_record_begins_with_the_step_needs_to_be_known_at_rest():
     # A ramp that it had before looks like its answer; what is left would tell a wrong sign.
     u, v, y = np.where(np.arange(250) >= 3, 64.0, 0.0), 0.0, np.zeros(250)

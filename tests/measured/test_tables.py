@@ -681,6 +681,7 @@ def test_times_off_a_clock_that_shows_only_minutes_are_even_times():
     assert "given to 60 s only" in " ".join(record.remarks)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("waits", ["uniform", "exponential"])
 def test_times_without_any_order_are_resampled(waits):
     """A lag of 30 s logged whenever the logger came to it: its numbers are found all the same."""

@@ -84,7 +84,7 @@ def test_rightmost_root_is_the_lambert_w_function():
     ] == pytest.approx(np.conj(lambertw(-1.2 * 0.7) / 0.7), rel=1e-12)
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 @given(
     st.integers(1, 5).flatmap(lambda n: root_sets(n)),
     st.integers(0, 4).flatmap(lambda n: root_sets(n)),
@@ -183,7 +183,7 @@ def test_roots_clearly_on_the_right_are_counted_beside_one_on_the_axis(delay):
     assert found.at_least == count_rhp(QuasiPolynomial([1.0, -0.6, 1.0], [0.3], delay)).count > 0
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 @given(
     st.integers(1, 4).flatmap(lambda n: root_sets(n)),
     st.lists(st.floats(-4, 4), min_size=1, max_size=3),

@@ -95,7 +95,7 @@ def test_a_model_that_waits_leaves_the_error_what_it_is_without_dead_time() -> N
     assert sp.simplify(solved["y"]["d"] - (1 - F * W) / (1 - F * W + F * G / Gm0)) == 0
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 @each_diagram
 def test_the_equations_in_sympy_are_those_read_off_the_picture(draw: Callable[[], Diagram]) -> None:
     diagram = draw()
@@ -224,7 +224,7 @@ def test_every_block_and_signal_is_labelled_once(draw: Callable[[], Diagram]) ->
     assert shown.count("+") == sum(term.sign > 0 for term in terms)
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 @each_diagram
 def test_texts_overlap_neither_each_other_nor_a_line_and_none_is_cut(
     draw: Callable[[], Diagram],
@@ -240,7 +240,7 @@ def test_texts_overlap_neither_each_other_nor_a_line_and_none_is_cut(
     assert not any(touch(piece, box.get_points()) for piece in pieces for box in texts.values())
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 @each_diagram
 def test_a_diagram_is_a_figure_of_the_house(draw: Callable[[], Diagram]) -> None:
     diagram = draw()

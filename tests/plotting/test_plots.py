@@ -131,7 +131,7 @@ def test_nothing_is_left_open_after_it_is_shown(method: str) -> None:
     assert plt.get_fignums() == []
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 @pytest.mark.parametrize("method", METHODS)
 def test_the_same_figure_has_the_same_bytes(method: str) -> None:
     first, second = (getattr(paper.example(4), method)().png() for _ in range(2))
@@ -457,7 +457,7 @@ def test_ordinary_loops_are_drawn_turn_by_turn() -> None:
     assert "left out" not in loop.plot_nyquist().alt
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 @pytest.mark.parametrize("unit", [1e-30, 1e30])
 @pytest.mark.parametrize("which", ["FH", "L", "K"])
 def test_a_loop_in_extreme_units_is_drawn(unit: float, which: str) -> None:

@@ -91,7 +91,7 @@ def test_smaller_type_is_found() -> None:
     assert too_small("rng.normal(size=2)\nax.text(0, 0, '', fontsize=9)") == []
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 @each_kind
 def test_no_text_is_too_small_cut_off_or_over_another(draw: Callable[[], Figure]) -> None:
     figure = draw().figure

@@ -46,7 +46,7 @@ def words(page):
     return " ".join(BeautifulSoup(page, "html.parser").get_text().replace("\xa0", " ").split())
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 @pytest.mark.parametrize(
     "page", [lambda: of_loop()[1], lambda: of_record().html], ids=["loop", "record"]
 )
@@ -67,7 +67,7 @@ def test_a_page_stands_alone_and_names_its_pictures(page):
     assert {a["href"][1:] for a in tree.find_all("a", download=False)} <= set(named)
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 def test_a_report_holds_the_proof_of_its_verdict():
     for process, stable in ((1 / (s + 1), True), (-1 / (s + 1), False)):
         loop = nrdob.NRDOB(nrdob.delay(0.2) * process, 1 / (s + 1), 2, nrdob.LowPassFilter(0.5, 1))
@@ -211,7 +211,7 @@ def slow_record():
 MATCHED = {"model": 2 / (s + 1), "controller": 0.3 / s, "order": 1}
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 def test_an_instability_of_the_sampled_loop_is_the_headline():
     found = nrdob.report(slow_record(), **MATCHED, time_constant=0.01)
     assert found.loop.stability().stable and not found.loop.sampled(0.1).stability().stable
@@ -222,7 +222,7 @@ def test_an_instability_of_the_sampled_loop_is_the_headline():
     assert words(found).index(found.verdict) < words(found).index("The loop is stable")
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 def test_a_peak_that_sampling_makes_is_in_the_headline():
     found = nrdob.report(slow_record(), **MATCHED, time_constant=0.07)
     after = found.loop.sampled(0.1).margins().ms
@@ -241,7 +241,7 @@ def test_a_peak_that_sampling_makes_is_in_the_headline():
     assert any(said in warning for warning in found.warnings)
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 def test_a_resonance_that_may_be_nowhere_else_is_the_headline():
     process = ct.tf([100], [1, 0.04, 100])
     found = nrdob.report(process, model=process, time_constant=0.0316, order=2)
@@ -250,7 +250,7 @@ def test_a_resonance_that_may_be_nowhere_else_is_the_headline():
     assert found.verdict.startswith("With the process' resonance at 10 rad/s 2 % lower")
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 @pytest.mark.parametrize("delay", [0.0, 0.5])
 def test_a_proposal_does_not_rest_on_the_frequency_of_a_resonance(delay):
     proposal = propose(nrdob.delay(delay) * ct.tf([1], [1, 0.02, 1]))
@@ -272,7 +272,7 @@ def test_a_proposal_is_tried_once_on_each_process(monkeypatch):
     assert len(proposal.trials) > 4 and len(tried) == len(proposal.trials)
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 @pytest.mark.parametrize(("samples", "delay"), [(20, 2), (5, 0)])
 def test_a_filter_is_slow_enough_for_the_samples_of_the_record(samples, delay):
     dt = 1 / samples
@@ -303,7 +303,7 @@ def test_a_filter_is_slow_enough_for_the_samples_of_the_record(samples, delay):
     assert abs(y[-1]) < 1e-3 * np.abs(y).max()
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 def test_a_tank_that_only_integrates_gets_a_loop_as_slow_as_its_samples():
     rng, share = np.random.default_rng(4), {}
     u = np.repeat(rng.choice([-1.0, 1.0], size=40), 8)
@@ -319,7 +319,7 @@ def test_a_tank_that_only_integrates_gets_a_loop_as_slow_as_its_samples():
     assert share[60.0] == pytest.approx(share[0.01], rel=1e-3)
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 def test_where_no_slower_filter_helps_the_samples_the_loop_stays_and_the_page_says_so():
     # A pole at 10 rad/s grows by e within a sample.
     process = 1 / (s - 10)
@@ -365,7 +365,7 @@ def test_a_verdict_that_is_not_decided_is_the_headline(monkeypatch):
     assert found.mood == "bad"
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 def test_a_part_that_cannot_be_written_is_a_warning(monkeypatch):
     loop = nrdob.NRDOB(1 / (s + 1), 1 / (s + 1), 1 / s, nrdob.LowPassFilter(1.0, 1))
     assert nrdob.report(loop).mood == "good"
@@ -405,7 +405,7 @@ def run(capsys, *arguments):
     return code, capsys.readouterr()
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 def test_the_command_writes_a_report_of_formulas(tmp_path, capsys):
     page = tmp_path / "out.html"
     code, said = run(
@@ -417,7 +417,7 @@ def test_the_command_writes_a_report_of_formulas(tmp_path, capsys):
     assert "The loop is stable" in page.read_text(encoding="utf-8")
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 def test_the_exit_status_tells_warnings_from_none(tmp_path, capsys):
     page = tmp_path / "out.html"
     code, said = run(capsys, "report", "--process", "exp(-s)/(10s+1)", "--output", page)
@@ -431,7 +431,7 @@ def test_the_exit_status_tells_warnings_from_none(tmp_path, capsys):
     assert code == 3 and said.out.startswith("No loop that works was found.")
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 def test_the_command_reads_columns_and_the_input_before(tmp_path, capsys):
     t = 100 * np.arange(300)
     u, y = 0 * t + 50, 20 + 15 * (1 - np.exp(-t / 3000))
@@ -614,7 +614,7 @@ def test_a_controller_is_designed_for_the_bandwidth_of_the_observer(lam):
     assert abs(found(1j * omega) * model(1j * omega)) == pytest.approx(1.0)
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 def test_no_loop_proposed_for_a_record_is_unstable_on_the_plant_that_made_it():
     tally = proposals.campaign(5, seed=11)
     assert sum(tally.values()) == 5 and any("proposed, stable" in outcome for outcome in tally)

@@ -52,7 +52,7 @@ def test_one_dead_time_alone_is_survived_below_half_pi_lambda():
     assert box.frequency == pytest.approx(5.0, rel=1e-3)
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 @pytest.mark.parametrize("number", [2, 3, 4])
 @pytest.mark.parametrize("names", ["gain lag", "gain delay", "delay lag", "gain delay lag", "lag"])
 def test_a_box_survives_up_to_its_share_and_not_beyond(number, names):

@@ -20,7 +20,7 @@ def some_loops():
     return dict(loops(3))
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 @pytest.mark.parametrize("name", ["Example 1", "Example 2", "Example 3", "Example 4", "random 2",
                                   "random 5 with dead time", "random 8"])  # fmt: skip
 def test_a_sweep_says_of_each_member_what_is_said_of_it_alone(name):
