@@ -101,7 +101,7 @@ def test_a_difference_equation_has_roots_on_its_vertical_line():
     assert rest.roots.real == pytest.approx(np.full(rest.roots.size, line), rel=1e-9)
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 @pytest.mark.parametrize("name", ["G", "H", "ratio", "L", "S_eta"])
 def test_maps_of_a_pure_delay_are_drawn_without_a_warning(name):
     loop = nrdob.NRDOB(delay(1.0) / (s + 1), 1 / (s + 1), 1 / s, LowPassFilter(2, 1))

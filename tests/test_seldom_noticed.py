@@ -162,7 +162,7 @@ def test_the_share_of_a_record_that_is_held_out_has_a_top() -> None:
         nrdob.identify(*heated_air(), held_out=0.95)
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 def test_a_report_is_saved_where_it_is_asked(tmp_path) -> None:
     path = tmp_path / "report.html"
     nrdob.report(nrdob.paper.example(1), path)

@@ -39,7 +39,7 @@ def test_a_printed_value_is_not_met_by_its_neighbour():
     assert not paper.PRINTED["ex1.CGm.gm"].agrees_with(200.0)
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 @given(loops())
 def test_margins_agree_with_python_control_on_stable_loops_with_crossings(loop):
     every = loop.margins()
@@ -83,7 +83,7 @@ def test_a_lag_that_the_model_lacks_has_its_peak_whatever_the_numbers(lag, lam, 
         assert part.disk_margin == pytest.approx(min(disk.min(), 2), rel=1e-6)
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 @given(loops())
 @settings(max_examples=30)
 def test_modulus_margin_is_the_smallest_distance_on_a_dense_grid(loop):

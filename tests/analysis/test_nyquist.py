@@ -54,7 +54,7 @@ def test_turns_agree_with_a_dense_grid(loop):
     assert turns == pytest.approx(count.encirclements, abs=0.1)
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 @given(loops(delayed=True))
 def test_turns_with_delay_agree_with_a_dense_grid(loop):
     count = encirclements(loop.FH)

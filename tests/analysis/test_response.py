@@ -142,7 +142,7 @@ def test_delay_free_examples_equal_the_inverse_laplace_transform(k, input):
     assert_exact(example(k), input, np.array([0.003, 0.02, 0.7, 4.0]), 1e-10)
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 @pytest.mark.parametrize("input", INPUTS)
 def test_example_4_equals_the_series_in_delayed_terms(input):
     assert_exact(example(4), input, np.array([0.02, 0.049, 0.0501, 0.12, 0.33, 0.61]), 1e-9)
@@ -614,7 +614,7 @@ def test_a_mode_that_turns_too_often_for_nine_digits_is_refused():
         step_response(loop, "d", [0.0, 1e3])
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 def test_random_loops_are_certified():
     errors, refusals = campaign(12, seed=18)
     assert max(max(found) for found in errors.values())[0] < 1e-9

@@ -341,7 +341,7 @@ def test_verdicts_do_not_depend_on_a_unit_in_which_squares_overflow(unit, time_c
     assert found.stable is not None and found.stable is same.stable
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 @pytest.mark.usefixtures("no_warning_leaks")
 @pytest.mark.parametrize("delay", [0.1, 50.0])
 def test_a_filter_of_300_lags_leaves_a_reason_and_no_warning(delay):

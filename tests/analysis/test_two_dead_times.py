@@ -342,7 +342,7 @@ def test_two_integrators_take_a_filter_that_leads_by_the_dead_time():
     assert usual.stable is False and "interpolating_filter" in usual.reason
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 @pytest.mark.parametrize(
     ("leak", "theta", "input", "t"),
     [
@@ -424,7 +424,7 @@ def test_a_gain_beside_the_margin_of_an_integrating_loop_is_on_the_side_that_the
     assert turned.closed_loop_rhp == 2 == turned.encirclements
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 @pytest.mark.parametrize("which", ["S_eta", "U_eta", "S_delta"])
 def test_noise_power_with_an_integrator_that_cancels_is_the_integral(which):
     plant, model = nrdob.delay(0.9) * 1.2 / (s + 0.2), nrdob.delay(1.0) / s

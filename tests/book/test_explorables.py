@@ -98,6 +98,7 @@ def test_verdict_counts_and_sensitivity_are_those_of_the_package(tab: Any, numbe
             assert found["Ms"] == pytest.approx(loop.margins().plant_loop.ms, rel=1e-6)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("number", paper.EXAMPLES)
 def test_the_bar_shows_the_stabilising_set(tab: Any, number: int) -> None:
     rng = np.random.default_rng(10 + number)
@@ -228,6 +229,7 @@ def test_adrc_is_judged_as_by_the_package(tab: Any) -> None:
     assert seen == {True, False}
 
 
+@pytest.mark.thorough
 def test_the_bar_of_adrc_is_the_set_of_the_package(tab: Any) -> None:
     rng = np.random.default_rng(34)
     low, high = 3.0, 3000.0
@@ -348,6 +350,7 @@ def test_the_count_at_the_point_of_the_chart_is_that_of_the_package(tab: Any, up
     assert {0, 2} <= seen
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("upwards", UPWARDS)
 def test_the_point_of_the_chart_is_moved_by_keys_and_mouse(tab: Any, upwards: str) -> None:
     ranges = {"lambda": RANGE["lambda"], "gain": UPWARDS["gain"], "delay": UPWARDS["delay"]}
@@ -380,6 +383,7 @@ def test_the_point_of_the_chart_is_moved_by_keys_and_mouse(tab: Any, upwards: st
     assert ": stable for λ from " in tab.locator(".explorable-set").inner_text()
 
 
+@pytest.mark.thorough
 def test_a_finger_on_the_point_of_the_chart_moves_it_and_elsewhere_the_page(tab: Any) -> None:
     page = tab.context.browser.new_page(has_touch=True, viewport={"width": 360, "height": 500})
     ranges = {"lambda": RANGE["lambda"], "delay": UPWARDS["delay"]}
@@ -514,6 +518,7 @@ def test_the_filter_is_dragged_on_the_bar_and_by_keys(tab: Any) -> None:
     assert far - right > 5 * (right - first)
 
 
+@pytest.mark.thorough
 def test_the_step_is_dragged_to_its_instant_and_the_answer_follows(tab: Any) -> None:
     page = tab.context.browser.new_page()  # one that was opened anew captures no pointer
     opened(page, carried(scene("motor"), "", {"lambda": (0.003, 0.3), "gain": (0.5, 2.0)}, 0.5))

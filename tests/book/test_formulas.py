@@ -491,7 +491,7 @@ def test_a_cell_or_a_chapter_says_that_the_model_is_perfect() -> None:
     assert problems(chapter) == []
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 @pytest.mark.parametrize("formula", [*TRUE_FOR_ALL, *TRUE_IF_RATIONAL, *TRUE_IF_MATCHED])
 def test_every_wrong_sign_is_noticed(formula: str) -> None:
     for sign in re.finditer("[+-]", formula):

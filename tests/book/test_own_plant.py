@@ -124,7 +124,7 @@ def test_where_the_loop_that_was_asked_for_is_unstable_it_says_so() -> None:
     assert "no margins" in said
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 @pytest.mark.parametrize(
     ("process", "why"),
     [

@@ -50,7 +50,7 @@ def test_no_letter_is_the_right_one_all_week() -> None:
         assert len(set(right)) > 1, f"{deck.name}: the answer is {right[0]} each time"
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 def test_a_changed_question_is_noticed_and_brought_in(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

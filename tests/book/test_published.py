@@ -74,7 +74,7 @@ def test_a_book_on_a_disk_names_none(tmp_path: Path, monkeypatch: pytest.MonkeyP
     assert "published" in sys.modules
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 def test_pages_lead_to_the_pdf_only_where_it_is(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -103,13 +103,13 @@ def test_each_session_begins_a_sheet(printed: dict[str, BeautifulSoup]) -> None:
     assert drawn[0][0].svg
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 def test_a_page_is_the_same_each_time(printed: dict[str, BeautifulSoup], tmp_path: Path) -> None:
     assert paper.main(["--output", str(tmp_path)]) == 0
     again = (tmp_path / "boards.html").read_text("utf-8")
     assert BeautifulSoup(again, "html.parser") == printed["boards"]
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 def test_the_pages_are_written_into_the_folder_that_is_asked_for(tmp_path: Path) -> None:
     assert all(path.parent == tmp_path / "here" for path in paper.write(tmp_path / "here"))

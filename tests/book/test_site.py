@@ -280,6 +280,7 @@ def test_a_picture_of_a_chapter_opens_by_itself(pages: dict[Path, BeautifulSoup]
             assert link and link["href"] == image["src"], (path.name, image["alt"])
 
 
+@pytest.mark.thorough
 def test_links_inside_the_book_lead_somewhere(pages: dict[Path, BeautifulSoup]) -> None:
     anchors = {path.resolve(): {tag["id"] for tag in page(id=True)} for path, page in pages.items()}
     dead = []
@@ -810,6 +811,7 @@ def test_with_forced_colours_what_differs_is_told_apart(site: Path, opened: Any)
             assert len(set(drawn)) == len(drawn), (colours, name, drawn)
 
 
+@pytest.mark.thorough
 def test_the_tab_key_reaches_the_sliders_by_one_link(site: Path, opened: Any) -> None:
     tab = opened.new_page()
     tab.goto((site / "chapters" / "05_how_slow_must_the_filter_be.html").as_uri())
@@ -849,6 +851,7 @@ SIZES = """() => {
 }"""
 
 
+@pytest.mark.thorough
 def test_code_is_as_large_as_the_text(site: Path, opened: Any) -> None:
     tab = opened.new_page()
     tab.goto((site / "chapters" / "05_how_slow_must_the_filter_be.html").as_uri())
@@ -973,6 +976,7 @@ def searched(site: Path, opened: Any) -> dict[str, list[tuple[str, str]]]:
         }
 
 
+@pytest.mark.thorough
 def test_the_search_leads_a_student_to_the_right_chapter_first(
     searched: dict[str, list[tuple[str, str]]],
 ) -> None:

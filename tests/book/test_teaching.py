@@ -453,7 +453,7 @@ SYMBOLS = ("p_A", "p_B", "FH", "H", "K", "L", "T_R", "S_d", "S_\\delta", "S_\\et
 """What a class learns to read from the board."""
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 def test_a_question_uses_what_was_on_the_board_before() -> None:
     known: set[str] = set()
     for number, session in zip(weeks(), teaching_sessions(), strict=True):

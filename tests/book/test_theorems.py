@@ -175,7 +175,7 @@ def small_book(folder: Path, **chapters: str) -> tuple[int, str]:
     return code, said.getvalue()
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 def test_a_theorem_becomes_a_box_with_links_and_an_entry(tmp_path: Path) -> None:
     more = "Theorem 17.1 ([Lemma 1](17_lemma_1.ipynb)) and Theorems 17.1, 17.1."
     code, said = small_book(tmp_path, c17_lemma_1=SOUND, c18_more=more)

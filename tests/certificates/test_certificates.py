@@ -193,7 +193,7 @@ def test_the_checker_is_short_and_needs_the_standard_library_only():
     assert set(imports) <= sys.stdlib_module_names
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 def test_an_interval_of_dead_time_is_proved_up_to_its_end():
     loop = example(4)
     own = loop.process.delay
@@ -391,7 +391,7 @@ def parts_of(**interval: tuple[float, float]) -> list[Content]:
     return content
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 @pytest.mark.parametrize("interval", [{"delays": (0.0, 0.28)}, {"time_constants": (0.1, 9.0)}])
 def test_parts_that_leave_a_gap_are_refused(interval):
     content = parts_of(**interval)

@@ -111,6 +111,7 @@ def test_nothing_of_a_case_is_its_answer(id: str) -> None:
     assert not found
 
 
+@pytest.mark.thorough
 def test_no_case_has_a_private_field_or_one_that_comes_later() -> None:
     for id in PROBLEMS:
         case = own_case(id, 1)

@@ -674,7 +674,7 @@ def test_another_route_gets_full_marks(id: str, number: int) -> None:
     assert found.share == 1, found.text
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 @each_wrong
 def test_what_only_looks_right_fails(id: str, number: int) -> None:
     found = points(id, WRONG[id][number], group=2)

@@ -50,6 +50,7 @@ def test_every_count_occurs_and_the_plot_hides_a_root() -> None:
         assert np.sum(shown.real > 0) == count.open_loop_rhp - 1
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("group", GROUPS)
 def test_the_alt_text_of_the_plot_suffices_to_count(group: int) -> None:
     """Crossings left of -1, upwards less downwards, on both halves; the start lies on both."""
@@ -73,6 +74,7 @@ def test_the_closed_curve_has_data_enough(case: object) -> None:
     assert steps.max() < 0.5
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("whole", [float, round], ids=["as it is", "rounded"])
 @pytest.mark.parametrize("group", GROUPS[:5])
 def test_a_piece_of_the_path_forgotten_is_told_though_it_was_rounded(group: int, whole) -> None:

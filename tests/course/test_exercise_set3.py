@@ -31,7 +31,7 @@ from problemsets import accepts
 GROUPS = range(1, 13)  # tests/campaigns/misconceptions.py takes more of them
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 def test_the_promise_is_kept_by_every_loop() -> None:
     rng, tried = np.random.default_rng(31), 0
     for _ in range(300):

@@ -52,7 +52,7 @@ def test_the_figure_says_in_words_what_is_to_be_read_off_it() -> None:
         assert f"n = {order} reaches {case.max_ms:g} at {fastest_of(case)[order]:.3g}" in alt
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 def test_either_of_the_changed_plants_may_decide() -> None:
     decided_by = set()
     for group in GROUPS:
@@ -64,7 +64,7 @@ def test_either_of_the_changed_plants_may_decide() -> None:
     assert decided_by == {1, 2}
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 @pytest.mark.parametrize("group", range(1, 4))
 def test_equal_lags_cannot_do_it_and_others_can(group: int) -> None:
     case = own_case("4.6", group)

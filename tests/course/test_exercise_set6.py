@@ -130,6 +130,7 @@ def test_more_than_one_design_counts_and_not_every_one(group: int) -> None:
         assert check("6.6", design, group).share == 1
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("group", GROUPS)
 def test_the_modified_plant_survives_and_its_neighbour_does_not(group: int) -> None:
     for case in PROBLEMS["6.4"].cases(group, 3):

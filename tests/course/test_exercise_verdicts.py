@@ -148,6 +148,7 @@ def test_4_5_slow_filters_fail_beyond_the_closed_form(group: int) -> None:
         assert accepts("4.5", case, plant) is bool(refutes)
 
 
+@pytest.mark.thorough
 @each_group
 def test_5_5_fast_filters_fail_where_n_exceeds_the_lags_by_more_than_two(group: int) -> None:
     case = own_case("5.5", group)
@@ -163,6 +164,7 @@ def test_5_5_fast_filters_fail_where_n_exceeds_the_lags_by_more_than_two(group: 
         assert not accepts("5.5", case, (model, lags + 1))  # F/model is not causal
 
 
+@pytest.mark.thorough
 @each_group
 def test_6_4_a_plant_between_the_two_is_lost(group: int) -> None:
     case = own_case("6.4", group)

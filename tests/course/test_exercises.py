@@ -21,7 +21,7 @@ from nrdob_course.exercises.reviewing import BLANK, HARD_CODED, NOTHING, ROUNDED
 from problemsets import SETS, Posed, calls, cells, nbgrader, posed, published, run
 
 # More groups, with other seeds: tests/campaigns/misconceptions.py.
-GROUPS_AND_SEEDS = [(1, 11), pytest.param(7, 13, marks=pytest.mark.slow)]
+GROUPS_AND_SEEDS = [(1, 11), pytest.param(7, 13, marks=pytest.mark.thorough)]
 
 ALL = [problem for path in SETS for problem in posed(path)]
 each_set = pytest.mark.parametrize("path", SETS, ids=lambda path: path.stem)

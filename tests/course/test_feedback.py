@@ -146,7 +146,7 @@ def test_a_student_cannot_write_the_teachers_note() -> None:
     assert with_note(page, "") == forged
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 @pytest.mark.skipif(CHROMIUM is None, reason="a page needs Chromium, and there is none here")
 def test_a_page_fits_a_phone(tmp_path: Path) -> None:
     notebook = nbformat.read(SETS[1], as_version=4)

@@ -296,6 +296,7 @@ def test_feedback_goes_back_under_the_names_under_which_it_came(
 # --- overrides and regrades ---------------------------------------------------------------------
 
 
+@pytest.mark.thorough
 def test_an_override_is_logged_survives_and_can_be_withdrawn(graded: Class, tmp_path: Path) -> None:
     key = ("Bo Rossi", NAME, "2.1")
     command.override(graded.target, key, "1,5", "Prof. X", "read it, the idea is right")
@@ -343,6 +344,7 @@ def test_an_override_of_nothing_changes_nothing(
     assert not (graded.target / "changes.csv").exists()
 
 
+@pytest.mark.thorough
 def test_a_regrade_changes_what_was_asked_for_and_nothing_else(
     graded: Class, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -42,7 +42,7 @@ def wrong_points(chart, count, seed, least=0.8):
     return wrong
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 @pytest.mark.parametrize("pair", PAIRS)
 def test_every_region_of_example_4_has_its_count(pair):
     x, y = ((name, *RANGES[name]) for name in pair)

@@ -61,7 +61,7 @@ def test_one_neglected_lag_is_harmless(order):
     assert stabilizing_time_constants(lag / (0.2 * s + 1), lag, order) == [(0.0, inf)]
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 @pytest.mark.parametrize(
     ("function", "largest", "process"),
     [

@@ -226,7 +226,7 @@ def test_where_F_H_is_biproper_infinity_forbids_nothing():
     assert low < 0.05 < high
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 @given(mismatches())
 def test_where_a_filter_of_ours_does_the_existence_is_not_denied(case):
     if stabilizing_time_constants(*case):

@@ -192,7 +192,7 @@ def model_loop(model, controller):
     return NRDOB(model, model, controller, LowPassFilter(1.0, order)).margins().model_loop
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 @pytest.mark.parametrize("model", [lag**2, lag**3, -(lag**2), (1 - s) * lag**2])
 def test_without_a_bandwidth_the_integral_gain_is_the_largest(model):
     controller = design_controller(model, phase_margin=50)

@@ -72,7 +72,7 @@ def test_of_a_zero_in_the_right_half_plane_the_first_order_makes_the_most():
 # Every window is found.
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 @pytest.mark.parametrize(("number", "modified"), [(2, True), (3, True), (4, True)])
 @pytest.mark.parametrize("above", [2e-3, 1e-5])
 def test_a_limit_just_above_the_best_there_is_can_be_met(number, modified, above):

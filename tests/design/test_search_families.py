@@ -94,7 +94,7 @@ def test_lags_read_as_a_family_are_sampled_to_the_windows_that_their_order_exclu
             assert one == pytest.approx(other, rel=1e-6)
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 @pytest.mark.parametrize("max_ms", [1.1, 2.0])
 def test_what_every_fast_filter_meets_is_refused_before_anything_else_is_looked_at(max_ms):
     lag = ct.tf([1], [1, 1])

@@ -29,7 +29,7 @@ def test_a_perfect_model_passes_noise_in_inverse_proportion_to_lambda(order, ind
     )
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 @settings(max_examples=25)
 @given(loops())
 def test_power_without_dead_time_is_the_square_of_controls_norm(loop):
@@ -143,7 +143,7 @@ def test_a_model_that_waits_exactly_passes_what_the_filter_passes():
     assert loop.S_eta.noise_power() == pytest.approx(1 / (4 * 0.5), rel=1e-12)
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 @pytest.mark.parametrize(("theta", "wait", "order"), [(1.0, 0.8, 2), (0.0, 0.7, 2), (0.5, 1.1, 3)])
 def test_two_dead_times_pass_the_integral_of_the_squared_size(theta, wait, order):
     loop = nrdob.NRDOB(

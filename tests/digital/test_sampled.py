@@ -426,6 +426,7 @@ def test_an_unstable_loop_has_no_margins():
 # How slowly, and with which filters.
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(
     ("number", "ratio"),
     [

@@ -107,9 +107,15 @@ def test_a_memory_is_judged_by_the_samples_for_which_it_has_begun():
 @pytest.mark.parametrize(
     ("kind", "seed", "case"),
     [
-        ("step", 1, 13), ("up and down", 1, 3), ("up and down", 1, 6),  # of the wrong sign before
-        ("step", 1, 6), ("up and down", 1, 10), ("three steps", 1, 12),  # integrators before
-        ("up and down", 5, 30), ("up and down", 5, 56),  # integrators, where nothing is held out
+        ("step", 1, 13),
+        *(
+            pytest.param(*each, marks=pytest.mark.thorough)
+            for each in (
+                ("up and down", 1, 3), ("up and down", 1, 6),  # of the wrong sign before, as above
+                ("step", 1, 6), ("up and down", 1, 10), ("three steps", 1, 12),  # integrators
+                ("up and down", 5, 30), ("up and down", 5, 56),  # integrators, nothing held out
+            )
+        ),
     ],
 )  # fmt: skip
 def test_a_heater_in_a_room_that_drifts_has_the_sign_of_its_gain(kind, seed, case):
@@ -156,7 +162,7 @@ def test_scatter_is_that_of_generalised_least_squares():
     assert found.weights.sum() == pytest.approx(1) and found.weights[k] > 1e-3
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 def test_intervals_hold_the_gain_while_a_slow_wave_passes():
     # A step of unit gain, linear in what is estimated; 47 of these 60 were held before.
     rng = np.random.default_rng(8)
@@ -218,7 +224,7 @@ def test_what_was_held_out_counts_in_the_end():
     assert found.fit_percent == pytest.approx(alone.fit_percent, abs=1)
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 def test_the_held_out_part_has_a_veto():
     # After the first half the plant answers the other way round: nothing foretells that.
     t, u, y = lag(switched())
@@ -253,7 +259,7 @@ def test_a_rival_with_the_same_sign_leaves_the_sign_of_the_gain_alone():
     assert 0 < gain.low < 2 < gain.high and not found.remarks and not found.unsure
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 def test_no_loop_rests_on_a_gain_that_may_be_zero():
     rng = np.random.default_rng(0)
     found = identify(np.arange(300), np.sign(rng.standard_normal(300)), rng.standard_normal(300))
@@ -271,7 +277,7 @@ def test_outliers_are_told():
     assert said.startswith("y has 3 outliers, such as") and "at 333 s" in said
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 def test_what_a_sensor_writes_where_it_fails_is_left_out():
     t, u, y = lag(np.where(np.arange(240) // 60 % 2, 1.0, 0.0))
     failed = [20, 101, 102 + 60, 200]
@@ -366,14 +372,14 @@ def test_a_plant_that_swings_before_the_step_moves_by_itself():
     assert gain.low < 1 < gain.high < 1.2 and gain.low > 0.8
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 def test_a_gain_that_is_not_told_from_its_lag_is_called_so():
     found = identify(*oven(np.where(np.arange(60) < 15, 0.0, 30.0)))
     assert "does not come to rest" in found.unsure
     assert "record longer" in found.remarks[0]
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 def test_an_input_that_moves_at_the_very_end_holds_nothing_out():
     t, u, y = lag(np.concatenate([[0.0], np.ones(598), [0.0]]))
     found = identified(checked_record(t[1:], u[1:], y[1:], input_before=0.0))

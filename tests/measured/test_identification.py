@@ -78,7 +78,7 @@ def test_the_structure_behind_a_record_is_chosen():
     assert all(chosen)
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 def test_resonance_is_told_as_frequency_and_damping():
     rng = np.random.default_rng(2)
     u = np.sign(rng.standard_normal(600)).repeat(2)[:600]
@@ -91,7 +91,7 @@ def test_resonance_is_told_as_frequency_and_damping():
     assert found.process.delay == pytest.approx(0.34, abs=0.05)
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 def test_heated_air_is_two_lags_behind_two_samples():
     found = of_heated_air()
     assert found.structure == "two lags with dead time"
@@ -171,7 +171,7 @@ def test_a_structure_that_is_too_simple_is_not_said_to_have_no_gain(seed):
     assert "explains only" not in said
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 def test_units_scale_with_the_time_axis():
     t, u, y = heated_air()
     slow = identify(1000 * t, u, y, structure="two lags with dead time")
@@ -342,7 +342,7 @@ def test_units_of_u_and_y_do_not_matter():
     assert scaled.fit_percent == pytest.approx(plain.fit_percent, rel=1e-6)
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 def test_noise_that_has_nothing_to_do_with_the_input_is_called_so():
     rng = np.random.default_rng(0)
     u, y = np.sign(rng.standard_normal(300)), rng.standard_normal(300)

@@ -279,7 +279,7 @@ def test_the_rest_of_an_exponential_keeps_its_digits_near_zero(m):
     assert exponential_rest(np.zeros(1), m, divided=True) == pytest.approx(1 / math.factorial(m))
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 @pytest.mark.parametrize("lam", [0.1, 0.5, 3.0])
 def test_a_double_root_at_zero_is_divided_out_and_the_others_are_counted(lam):
     # (λs + 1)² - ((2λ + 1) s + 1) exp(-s) vanishes twice at s = 0.

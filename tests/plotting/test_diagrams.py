@@ -207,7 +207,7 @@ def test_what_is_drawn_is_what_is_read(draw: Callable[[], Diagram]) -> None:
         assert np.linalg.norm(line[-1] - diagram.polyline(wire)[-1]) == pytest.approx(0.25)
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 @each_diagram
 def test_every_block_and_signal_is_labelled_once(draw: Callable[[], Diagram]) -> None:
     diagram = draw()

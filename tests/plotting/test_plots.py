@@ -87,7 +87,7 @@ def test_the_wrong_number_of_axes_is_refused() -> None:
         paper.example(2).plot_bode(axes=[ax])
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 @pytest.mark.parametrize("method", METHODS)
 def test_the_users_settings_are_untouched(method: str) -> None:
     before = dict(mpl.rcParams)
@@ -124,7 +124,7 @@ def test_the_notebook_gets_one_png_with_alt_text_and_its_size() -> None:
     assert metadata["image/png"]["height"] == pytest.approx(625 * height / width, abs=1)
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 @pytest.mark.parametrize("method", METHODS)
 def test_nothing_is_left_open_after_it_is_shown(method: str) -> None:
     getattr(paper.example(2), method)()._repr_mimebundle_()
@@ -163,7 +163,7 @@ ENCIRCLEMENTS = {
 }
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 @pytest.mark.parametrize(("which", "number", "modified"), ENCIRCLEMENTS)
 def test_nyquist_alt_text_counts_the_encirclements(which: str, number: int, modified: bool) -> None:
     figure = paper.example(number, modified).plot_nyquist(which)
@@ -526,7 +526,7 @@ def test_of_a_million_turns_few_are_drawn_and_the_words_say_so() -> None:
     assert "turns of the dead time, each within the line of another, are left out" in plot.alt
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 def test_loops_with_two_dead_times_are_drawn(no_warning_leaks):
     lag, s = ct.tf([1], [1, 1]), ct.tf("s")
     plant, model = delay(300.0) * lag, delay(299.9) * 1.1 * lag

@@ -78,6 +78,7 @@ def test_no_type_of_the_style_is_smaller() -> None:
     assert min(sizes.values()) == SMALLEST
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("path", SOURCES, ids=lambda path: path.name)
 def test_no_code_writes_smaller(path: Path) -> None:
     assert too_small(path.read_text("utf-8")) == []

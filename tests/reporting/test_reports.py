@@ -79,7 +79,7 @@ def test_a_report_holds_the_proof_of_its_verdict():
         assert ("internally stable" in proved) is stable is loop.stability().stable
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 def test_a_report_says_why_there_is_no_proof():
     # λ = 2θ/π: a root on the imaginary axis
     edge = nrdob.LowPassFilter(0.4 / np.pi, 1)
@@ -151,7 +151,7 @@ def test_where_only_the_process_itself_is_a_model_that_works_it_is_proposed():
     assert "at least" in found.words[1] and "an interpolating filter" in found.words[2]
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 def test_a_record_without_a_process_is_still_shown():
     rng = np.random.default_rng(0)
     u = np.zeros(60)
@@ -521,7 +521,7 @@ def test_a_filter_that_cannot_be_found_is_named_by_its_order():
     assert warned.startswith("No filter of order 4 gives a loop")
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 def test_a_model_without_any_filter_is_passed_over_for_a_slower_one_that_is_calm():
     # The process without its resonance has the zero at 2, too: its inverse is unstable.
     proposal = propose((2 - s) / ((s + 1) * (s**2 + 0.02 * s + 1)))

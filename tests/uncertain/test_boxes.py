@@ -171,7 +171,7 @@ def test_how_far_dead_times_are_asked_for_does_not_change_the_answer():
         assert np.ravel(near) == pytest.approx(np.ravel(far)) and near[-1][1] < 20
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 def test_intervals_and_boxes_are_those_of_an_independent_count():
     tally = intervals.campaign(4, 0)
     assert not any(name.startswith("WRONG") for name in tally), tally
@@ -237,7 +237,7 @@ def test_small_gain_is_the_peak_of_a_closed_form():
         small_gain(MATCHED, ct.tf([1], [1, -1]))
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 def test_small_gain_grants_no_more_than_what_survives():
     for number in (2, 3, 4):
         found = conservatism(paper.example(number), gain=(0.2, 6.0), delay=(0.0, 0.5))
