@@ -41,20 +41,17 @@ from ..numerics import BoolArray, FloatArray
 
 __all__ = ["Scatter", "scatter_of"]
 
+# Poles φ of coloured noise.
 COLOURED = (0.3, 0.5, 0.65, 0.75, 0.82, 0.87, 0.91, 0.94, 0.96, 0.975, 0.985, 0.993)
-"""Poles φ of coloured noise."""
-
+# Distances of the zero from the pole, 1 - θ/φ.
 SHARES = (1e-3, 3e-3, 6e-3, 0.012, 0.025, 0.05, 0.1, 0.2, 0.35, 0.6, 1.0)
-"""Distances of the zero from the pole, 1 - θ/φ."""
-
-LEAST = 0.02
-"""Distance φ - θ below which coloured noise is white."""
-
-SMOOTH = SHARES[1:8]
-"""The same for a drift that goes on in its direction."""
-
+SMOOTH = SHARES[1:8]  # the same for a drift that goes on in its direction
+LEAST = 0.02  # distance φ - θ below which coloured noise is white
+# Sizes of each part of the wave beside a random walk, over e, and how many periods it makes.
 WAVES, PERIODS = (6.0, 60.0, 600.0), (0.5, 1.0, 1.5)
-"""Sizes of each part of the wave beside a random walk, over e, and how many periods it makes."""
+BLOCK = 1000  # samples that are triangularised at once
+# How often noise must have forgotten itself in a record; what remembers longer is a drift.
+FORGOTTEN = 50
 
 
 class Hypothesis(NamedTuple):
@@ -78,12 +75,6 @@ HYPOTHESES = (
     [Hypothesis(2, 1.0, 1 - far) for far in SMOOTH],
 )
 """Noise, random walks and smooth drifts."""
-
-BLOCK = 1000
-"""Samples that are triangularised at once."""
-
-FORGOTTEN = 50
-"""How often noise must have forgotten itself in a record; what remembers longer is a drift."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -28,9 +28,9 @@ from .structures import STRUCTURES, Structure
 
 __all__ = ["Candidate", "Identification", "identified", "identify"]
 
+# Share of the input's variance, and samples, that each part of a record must have; and its last
+# samples, in which a move of the input is hardly seen in y.
 MOVES, LEAST, SEEN = 0.1, 50, 10
-"""Share of the input's variance, and samples, that each part of a record must have; and its last
-samples, in which a move of the input is hardly seen in y."""
 
 
 @dataclass(frozen=True)

@@ -13,12 +13,8 @@ from ..numerics import FloatArray, number
 
 __all__ = ["CERTAIN", "LIGHT", "moved", "resonance_warnings"]
 
-LIGHT = 0.2
-"""Damping ratio below which a pair of roots is a resonance."""
-
-CERTAIN = 0.02
-"""Relative error of its frequency that every plant has."""
-
+LIGHT = 0.2  # damping ratio below which a pair of roots is a resonance
+CERTAIN = 0.02  # relative error of its frequency that every plant has
 SHIFTS = (CERTAIN, 0.05, 0.1)  # relative errors of its frequency that are tried
 
 
