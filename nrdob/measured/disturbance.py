@@ -27,9 +27,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import lru_cache
-from itertools import chain, groupby
+from itertools import chain
 from math import exp, pi, sqrt
-from operator import itemgetter
 from typing import NamedTuple
 
 import numpy as np
@@ -55,12 +54,12 @@ FORGOTTEN = 50
 
 
 class Hypothesis(NamedTuple):
-    """Order m, φ and θ, and the size of the wave if one passes beside it."""
+    """Order m, φ and θ, and the sizes that a wave beside it may have, if one passes."""
 
     order: int
     pole: float
     zero: float
-    wave: float = 1.0
+    waves: tuple[float, ...] = (1.0,)
 
 
 HYPOTHESES = (
@@ -71,7 +70,7 @@ HYPOTHESES = (
         for far in SHARES
         if pole * far > LEAST
     ],
-    [Hypothesis(1, 1.0, 1 - far, size) for far in SHARES for size in WAVES],
+    [Hypothesis(1, 1.0, 1 - far, WAVES) for far in SHARES],
     [Hypothesis(2, 1.0, 1 - far) for far in SMOOTH],
 )
 """Noise, random walks and smooth drifts."""
@@ -133,14 +132,14 @@ def scatter_of(
         [each for each in kind if each.pole == 1 or (1 - each.pole) * residual.size > FORGOTTEN]
         for kind in HYPOTHESES
     ]
-    for (order, pole, zero), several in groupby(chain(*kinds), itemgetter(0, 1, 2)):
+    for order, pole, zero, waves in chain(*kinds):
         den, num = (np.poly([root] * order) for root in (pole, zero))
         beside = _beside(order, pole, zero, residual.size)
         count = len(beside)
         white = lfilter(den, num, np.vstack([*beside, rows]))[:, used]
         triangle = _triangle(white)  # stands for all samples
-        for each in several:
-            scale = np.repeat([each.wave, 1.0], [count, n + 1])
+        for wave in waves:
+            scale = np.repeat([wave, 1.0], [count, n + 1])
             stacked = np.vstack([np.eye(count, count + n + 1), triangle * scale])
             corner = np.asarray(np.linalg.qr(stacked, mode="r"))
             variance = float(corner[-1, -1] ** 2) / freedom + np.finfo(float).tiny
@@ -158,7 +157,7 @@ def scatter_of(
             shifts.append(inverse @ corner[:-1, -1] / size)
             covariances.append(covariance / np.outer(size, size))
     weights = np.exp(np.array(logarithms) - max(logarithms))
-    sizes = [len(kind) for kind in kinds]
+    sizes = [sum(len(each.waves) for each in kind) for kind in kinds]
     weights /= np.repeat(sizes, sizes)
     return Scatter(weights / weights.sum(), np.array(shifts), np.array(covariances), freedom)
 

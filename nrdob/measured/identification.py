@@ -219,19 +219,15 @@ def identify(
         raise ValueError(f"held_out is {held_out}; it must be between 0 and 0.9")
     for remark in record.remarks:
         warnings.warn(remark, UserWarning, stacklevel=2)
-    structures: tuple[Structure, ...] = STRUCTURES
-    if structure is not None:
-        structures = tuple(each for each in STRUCTURES if each.name == structure)
-        if not structures:
-            names = "; ".join(each.name for each in STRUCTURES)
-            raise ValueError(f"structure is {structure!r}; choose one of: {names}")
+    structures = tuple(each for each in STRUCTURES if structure in (None, each.name))
+    if not structures:
+        names = "; ".join(each.name for each in STRUCTURES)
+        raise ValueError(f"structure is {structure!r}; choose one of: {names}")
     return identified(record, structures, held_out)
 
 
 def identified(
-    record: Record,
-    structures: tuple[Structure, ...] = STRUCTURES,
-    held_out: float = 0.5,
+    record: Record, structures: tuple[Structure, ...] = STRUCTURES, held_out: float = 0.5
 ) -> Identification:
     """Do what `identify` does, for a record that was checked.
 

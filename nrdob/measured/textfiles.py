@@ -19,11 +19,9 @@ __all__ = ["SEEN", "Sheet", "read_sheet"]
 
 MOST_BYTES, MOST_ROWS = 50_000_000, 200_000  # sizes beyond which a file is refused
 SEEN = 200  # lines by which it is found how columns are separated
-
+# What may separate columns; where two explain the cells alike, the first. A blank is any white
+# space.
 SEPARATORS = ("\t", ";", "|", " ", ",")
-"""What may separate columns; where two explain the cells alike, the first. A blank is any white
-space."""
-
 COMMENT = re.compile(r"\s*(#|%|//)\s*")
 STAMP = re.compile(r"\s*(\d\d?:\d\d:\d\d(?:[.,]\d+)?)\s+->\s+")  # by the monitor of a serial port
 BEHIND = re.compile(r"(\s*[-+.\d].*\S)\s+(#|//)\s.*")  # a comment behind numbers

@@ -15,17 +15,7 @@ from ..analysis import Margins, resolved_frequencies
 from ..diagram import Quotient, as_quotient, real_number
 from ..numerics import FloatArray, number
 from . import alttext
-from .figure import (
-    COLOURS,
-    INK,
-    TALL,
-    Figure,
-    axes_for,
-    colour_of,
-    headings,
-    label_of,
-    styled,
-)
+from .figure import COLOURS, INK, TALL, Figure, axes_for, colour_of, headings, label_of, styled
 
 __all__ = ["bode_plot"]
 

@@ -30,7 +30,7 @@ __all__ = ["Proposal", "propose"]
 
 # Time constants of an interpolating filter, against the fastest of the process.
 SHORTER = (1.0, 0.3, 0.1, 0.03, 0.01, 3.0, 10.0)
-
+# Why a model differs from the process, by how it does.
 REASONS = {
     "matched":
         "the process itself, which is stable, has no zero in the right half plane and no dead time",
@@ -46,8 +46,6 @@ REASONS = {
     "dead time replaced by a lag":
         "with a lag in place of the dead time, which cannot be inverted",
 }  # fmt: skip
-"""Why a model differs from the process, by how it does."""
-
 # Times the λ for the process found, or the sampling time if that is longer: tried where the loop
 # fails on a process that it may be.
 SLOWER = tuple(1.2**k for k in range(1, 18))

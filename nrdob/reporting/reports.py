@@ -30,13 +30,11 @@ from .trials import trial_table
 
 __all__ = ["Report", "report"]
 
+# What a part may raise that cannot be written.
 EXPECTED = (
     ArithmeticError, AttributeError, LookupError, NotImplementedError, TypeError, ValueError,
 )  # fmt: skip
-"""What a part may raise that cannot be written."""
-
 PROPOSED = "What is proposed, and why"
-
 CHECKED = (
     "What is said here is said of the linear loop with these blocks, in continuous time unless a "
     "sampling time is named: limits of the actuator, friction, quantisation and whatever the model "
