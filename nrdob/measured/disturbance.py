@@ -26,7 +26,6 @@ problems, Journal of the American Statistical Association 72 (1977) 320-338.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import lru_cache
 from itertools import chain
 from math import exp, pi, sqrt
 from typing import NamedTuple
@@ -170,12 +169,6 @@ def _triangle(rows: FloatArray) -> FloatArray:
     return np.asarray(np.linalg.qr(np.vstack([corners, rows[:, blocks * BLOCK :].T]), mode="r"))
 
 
-@lru_cache(maxsize=1)
-def _waves(samples: int) -> list[FloatArray]:
-    angles = [2 * pi * each * np.arange(samples) / samples for each in PERIODS]
-    return [part(angle) for angle in angles for part in (np.sin, np.cos)]
-
-
 def _beside(order: int, pole: float, zero: float, samples: int) -> list[FloatArray]:
     """List what enters the output beside filtered noise; the size of each varies as e does."""
     times = np.arange(samples)
@@ -183,7 +176,8 @@ def _beside(order: int, pole: float, zero: float, samples: int) -> list[FloatArr
         return [abs(pole - zero) / sqrt(1 - pole**2) * pole**times]
     if order > 1:  # the slope of the drift as the record begins
         return [sqrt(samples) * (1 - zero) ** 2 * times]
-    return _waves(samples)
+    angles = [2 * pi * each * times / samples for each in PERIODS]
+    return [part(angle) for angle in angles for part in (np.sin, np.cos)]
 
 
 def _rounded(grain: float, variance: float) -> float:

@@ -39,18 +39,15 @@ class Candidate:
 
     Attributes
     ----------
-    structure : str
-        In words.
+    structure, process : str, DelayedTransferFunction
+        In words, and the process it gives.
     parameters : int
         How many numbers it has, without level and initial state.
-    fit_percent : float
-        How much of the output it explains in the part it was fitted to.
-    validation_percent : float
-        How much of the part that was held out; nan if none was.
+    fit_percent, validation_percent : float
+        How much of the output it explains in the part it was fitted to, and of the part that was
+        held out; nan if none was.
     bic : float
         Bayesian information criterion against the best one, 0 for that one.
-    process : DelayedTransferFunction
-        The process it gives.
     rival : bool
         Whether it explains the record about as well as the one chosen.
     """

@@ -1,7 +1,4 @@
-"""Files as tables of cells: how they are encoded, what separates the columns, where headings are.
-
-Nothing in a file is ever run. Line numbers in messages are those of an editor.
-"""
+"""Files as tables of cells: encoding, what separates the columns, where headings are."""
 
 from __future__ import annotations
 
