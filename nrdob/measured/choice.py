@@ -105,15 +105,10 @@ def judge(fit: Fit, whole: Problem, problem: Problem, units: tuple[float, float]
     # Over all of the record: what was held out takes part, with numbers that do not know it.
     everywhere = whole.whitening(rest).applied(rest)[used]
     misfit = max(float(np.mean(everywhere**2)), fit.misfit * TINY)
+    bic = criterion(replace(fit, misfit=misfit), everywhere.size)
     predicted, percents = _foretold(fit, whole, problem)
-    return Judged(
-        fit,
-        criterion(replace(fit, misfit=misfit), everywhere.size),
-        *percents,
-        predicted,
-        *estimates(fit, whole, units),
-        whole.hides(fit),
-    )
+    told_of = estimates(fit, whole, units)
+    return Judged(fit, bic, *percents, predicted, *told_of, whole.hides(fit))
 
 
 def estimates(

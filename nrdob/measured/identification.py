@@ -122,20 +122,14 @@ class Identification:
 
     def __repr__(self) -> str:
         held = self.validation_percent
-        rows = [
+        foretold = "nothing held out" if np.isnan(held) else f"held-out part {held:.1f} %"
+        heading = f"{'':18} {'value':>10} {'':6} {100 * CONFIDENCE:9.3g} % interval"
+        rows = [f"{self.structure}: fit {self.fit_percent:.1f} %, {foretold}", heading]
+        rows += (
             f"{name:18} {p.value:10.4g} {p.unit:6} {p.low:10.4g} to {p.high:.4g}"
             for name, p in self.parameters.items()
-        ]
-        return "\n".join(
-            [
-                f"{self.structure}: fit {self.fit_percent:.1f} %, "
-                + ("nothing held out" if np.isnan(held) else f"held-out part {held:.1f} %"),
-                f"{'':18} {'value':>10} {'':6} {100 * CONFIDENCE:9.3g} % interval",
-                *rows,
-                self.residuals.reason,
-                *self.remarks,
-            ]
         )
+        return "\n".join([*rows, self.residuals.reason, *self.remarks])
 
 
 def identify(
@@ -258,10 +252,7 @@ def _found(record: Record, structures: tuple[Structure, ...], held_out: float) -
     # An integrator moves, for nobody knows the input that keeps it at rest, unless it was said.
     known = record.input_before is not None
     begun = [
-        [
-            best_fit(each, problem, moving)
-            for moving in ({False} if known else {each.integrates, True})
-        ]
+        [best_fit(each, problem, moving) for moving in {each.integrates and not known, not known}]
         for each in structures
     ]
     # Where the input before the record is not known, the samples that the dead time keeps it alive

@@ -222,12 +222,7 @@ def _complete(
     cells: Mapping[str, Sequence[str]], lines: Sequence[int]
 ) -> tuple[list[int], tuple[str, ...]]:
     """Find the lines in which neither u nor y is missing, and note how many are left out."""
-    lost = {
-        k: what
-        for what in ("y", "u")
-        for k, cell in enumerate(cells[what])
-        if cell.lower() in ABSENT
-    }
+    lost = {k: w for w in ("y", "u") for k, cell in enumerate(cells[w]) if cell.lower() in ABSENT}
     kept = [k for k in range(len(lines)) if k not in lost]
     if not lost:
         return kept, ()
@@ -259,13 +254,10 @@ def _check_marks(cells: Mapping[str, Sequence[str]], lines: Sequence[int]) -> No
     """Refuse what may part thousands, where another column has it the other way round."""
     for what, (mark, called, other) in product(cells, ((".", "point", ","), (",", "comma", "."))):
         marked = [k for k, cell in enumerate(cells[what][:SEEN]) if mark in cell]
-        decimals = [
-            (beside, cell)
-            for beside in cells
-            if beside != what
-            for cell in cells[beside][:SEEN]
-            if DECIMAL[other].fullmatch(cell)
-        ]
+        elsewhere = (
+            (beside, cell) for beside in cells if beside != what for cell in cells[beside][:SEEN]
+        )
+        decimals = [(beside, cell) for beside, cell in elsewhere if DECIMAL[other].fullmatch(cell)]
         if marked and decimals and all(PARTED[mark].fullmatch(cells[what][k]) for k in marked):
             beside, cell = decimals[0]
             raise ValueError(

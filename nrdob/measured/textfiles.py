@@ -260,14 +260,8 @@ def _layout(rows: Sequence[Sequence[str]]) -> tuple[int, int | None, int | None]
     values = [sum(is_value(cell) for cell in row) for row in rows[:SEEN]]
     # Beside a name stand numbers that describe the table, where its rows begin with a number.
     numbered = is_value(rows[:SEEN][-1][0])
-    first = next(
-        (
-            k
-            for k, count in enumerate(values)
-            if count >= 2 and (is_value(rows[k][0]) or not numbered)
-        ),
-        None,
-    )
+    enough = (k for k, count in enumerate(values) if count >= 2)
+    first = next((k for k in enough if is_value(rows[k][0]) or not numbered), None)
     if first is None:  # no numbers at all, or one column of them: the headings are line 1
         return (1, 0, None) if values[0] == 0 else (0, None, None)
     width = max(len(row) for row in rows[first : first + 20])

@@ -97,12 +97,8 @@ def _limits(given: Any) -> tuple[float, float]:
 
 def _frequency_range(quotients: Sequence[Quotient], margins: Margins | None) -> tuple[float, float]:
     """Cover all corners and margins and most of a decade around them, in round numbers."""
-    corners = [
-        np.abs(np.roots(part))
-        for quotient in quotients
-        for factor in (*quotient.num, *quotient.den)
-        for part, _ in factor.terms
-    ]
+    factors = [factor for quotient in quotients for factor in (*quotient.num, *quotient.den)]
+    corners = [np.abs(np.roots(part)) for factor in factors for part, _ in factor.terms]
     if margins is not None:
         corners.append(np.array([margins.wpc, margins.wgc]))
     # With a delay, as far as one turn: beyond it the phase only falls ever faster.

@@ -155,9 +155,7 @@ class Diagram:
     def equations(self) -> dict[str, tuple[Term, ...]]:
         """The terms of each sum, read off the wires."""
         return {
-            name: tuple(
-                Term(wire.sign, *self.origin(wire)) for wire in self.wires if wire.path[-1] == name
-            )
+            name: tuple(Term(w.sign, *self.origin(w)) for w in self.wires if w.path[-1] == name)
             for name, part in self.parts.items()
             if isinstance(part, Sum)
         }
@@ -435,10 +433,8 @@ def _drawn_part(name: str, part: Input | Sum | Block) -> list[SegmentType]:
     label, role = BLOCKS[name.rstrip("'")]
     (x, y), (dx, dy) = part.at, part.reach
     corners = [(x - dx, y - dy), (x - dx, y + dy), (x + dx, y + dy), (x + dx, y - dy)]
-    return [
-        SegmentPoly(corners, color=COLOURS[role]),
-        _text(label, part.at, COLOURS[role], size=9.5),
-    ]
+    box = SegmentPoly(corners, color=COLOURS[role])
+    return [box, _text(label, part.at, COLOURS[role], size=9.5)]
 
 
 def _beside(before: Point, end: Point) -> Point:

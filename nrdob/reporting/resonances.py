@@ -47,11 +47,9 @@ def resonance_warnings(loop: NRDOB) -> Iterator[tuple[float, str]]:
                 others = loop.model, loop.controller, loop.filter, loop.keep_factors
                 if not NRDOB(plant, *others).stability().stable:
                     way = "higher" if sign > 0 else "lower"
-                    yield (
-                        shift,
-                        f"With the process' {name} at {number(frequency)} rad/s {100 * shift:g} % "
-                        f"{way} the loop is unstable; its margins do not show it.",
-                    )
+                    where = f"{name} at {number(frequency)} rad/s {100 * shift:g} % {way}"
+                    tail = "the loop is unstable; its margins do not show it."
+                    yield shift, f"With the process' {where} {tail}"
                     break
 
 
