@@ -157,9 +157,8 @@ def _question(
     if lacking == ["t"] and not several:
         add = "add a column t in seconds"
         if left:
-            add = (
-                f"name the column that holds it, such as {_option({'t': left[0], **order}, heads)}"
-            )
+            option = _option({"t": left[0], **order}, heads)
+            add = f"name the column that holds it, such as {option}"
         return f"and no time: {add}, or {SAMPLING}"
     controlled = _controlled(heads)
     example = {**order, **{what: each[0] for what, each in several.items()}}
