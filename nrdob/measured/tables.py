@@ -7,10 +7,10 @@ the record does not say. Line numbers in messages are those of an editor.
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from datetime import datetime
-from itertools import product, zip_longest
+from itertools import product
 from math import isfinite
 from os import PathLike
 from pathlib import Path
@@ -115,14 +115,13 @@ def read_data(
     first = next(iter(sheet.rows), [])
     dates = [k for k, cell in enumerate(first) if number_in(cell) is None and is_moment(cell)]
     moments = [k for k in dates if ":" in first[k]] or dates  # a date beside the time of day
-    filled = zip_longest(heads, *sheet.rows, fillvalue="")
-    held = [[cell.strip() for cell in column] for _, *column in filled]
-    blank = [k for k, column in enumerate(held) if sheet.rows and not any(column)]
+    blank = [k for k in range(len(heads)) if sheet.rows and not any(_column(sheet, k))]
     choice = chosen(heads, asked, sampling_time is None, table, moments, dates + blank)
-    written = {what: held[k] for what, k in choice.order.items()}
+    written = {what: list(_column(sheet, k)) for what, k in choice.order.items()}
     samples, absent = _complete(written, sheet.lines)
     cells = {what: [column[k] for k in samples] for what, column in written.items()}
-    sheet = replace(sheet, lines=[sheet.lines[k] for k in samples])
+    # From here on only these cells are read.
+    sheet = replace(sheet, rows=(), lines=[sheet.lines[k] for k in samples])
     cells["u"], switched = _switched(cells["u"])
     _check_marks(cells, sheet.lines)
     (u, unit_of_u), (y, unit_of_y) = (_numbers(sheet, what, cells[what]) for what in ("u", "y"))
@@ -216,6 +215,11 @@ def _check_widths(sheet: Sheet, width: int) -> None:
             f"line {number} has {len(row)} cell{'s' * (len(row) != 1)} where the first has {width}"
             + "; ".join(["", *remedies])
         )
+
+
+def _column(sheet: Sheet, k: int) -> Iterator[str]:
+    """Give the cells of a column; what a row lacks at its end is empty."""
+    return (row[k].strip() if k < len(row) else "" for row in sheet.rows)
 
 
 def _complete(
