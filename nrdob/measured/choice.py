@@ -15,46 +15,22 @@ from .parameters import Parameter, told
 from .residuals import DECISIVE
 
 __all__ = [
-    "Judged",
-    "chosen",
-    "criterion",
-    "denied_sign",
-    "estimates",
-    "judge",
-    "mirrored",
-    "weighed",
-]
+    "Judged", "chosen", "criterion", "denied_sign", "estimates", "judge", "mirrored", "weighed",
+]  # fmt: skip
 
-ALIKE = 1.5
-"""Factor between two gains that are nearly the same."""
-
-TINY = 1e-12
-"""Of the misfit in the part fitted, what is none."""
-
-CLOSE = 1.0
-"""Per cent of the part held out that make no difference."""
-
-OUTDONE = 8.0
-"""Per cent of both parts by which another explains far more."""
-
+ALIKE = 1.5  # factor between two gains that are nearly the same
+TINY = 1e-12  # of the misfit in the part fitted, what is none
+CLOSE = 1.0  # per cent of the part held out that make no difference
+OUTDONE = 8.0  # per cent of both parts by which another explains far more
+# How many times as decisive an integrator must be where no part of the record was held out.
 ALONE = 3
-"""How many times as decisive an integrator must be where no part of the record was held out."""
-
-FAR_LONGER = 3.0
-"""Durations of the record that a lag lasts which is as good as an integrator."""
-
-TOGETHER = 0.9
-"""Correlation of gain and lag from which on the one is not told from the other."""
-
+FAR_LONGER = 3.0  # durations of the record that a lag lasts which is as good as an integrator
+TOGETHER = 0.9  # correlation of gain and lag from which on the one is not told from the other
+# Correlation of the input with itself, half a period later, from which on it is its own opposite.
 OPPOSITE = -0.9
-"""Correlation of the input with itself, half a period later, from which on it is its own opposite.
-"""
-
-SETTLED = 8.0
-"""Longest lags after which nothing is left of how an input began."""
-
+SETTLED = 8.0  # longest lags after which nothing is left of how an input began
+# Names of the number that tells how long the plant takes to come to rest.
 SLOWNESS = {"lag", "slow lag", "natural frequency"}
-"""Names of the number that tells how long the plant takes to come to rest."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -129,15 +105,10 @@ def judge(fit: Fit, whole: Problem, problem: Problem, units: tuple[float, float]
     # Over all of the record: what was held out takes part, with numbers that do not know it.
     everywhere = whole.whitening(rest).applied(rest)[used]
     misfit = max(float(np.mean(everywhere**2)), fit.misfit * TINY)
+    bic = criterion(replace(fit, misfit=misfit), everywhere.size)
     predicted, percents = _foretold(fit, whole, problem)
-    return Judged(
-        fit,
-        criterion(replace(fit, misfit=misfit), everywhere.size),
-        *percents,
-        predicted,
-        *estimates(fit, whole, units),
-        whole.hides(fit),
-    )
+    told_of = estimates(fit, whole, units)
+    return Judged(fit, bic, *percents, predicted, *told_of, whole.hides(fit))
 
 
 def estimates(

@@ -15,25 +15,22 @@ TIME = (
     "time", "timestamp", "zeit", "tempo", "temps", "tiempo", "elapsed", "seconds", "sec", "s",
     "date", "datetime",
 )  # fmt: skip
-
+# Words beside it that name no unit.
 BESIDE = (
     "time", "stamp", "in", "of", "since", "start", "elapsed", "utc", "local", "relative", "rel",
     "abs", "absolute", "unix", "epoch", "the", "day", "date",
 )  # fmt: skip
-"""Words beside it that name no unit."""
-
+# Headings of input and output, without units and in small letters; with numbers if there are
+# several.
 SIGNALS = {
     "u": ("u", "input", "in", "control", "mv", "eingang"),
     "y": ("y", "output", "out", "measurement", "pv", "ausgang"),
 }
-"""Headings of input and output, without units and in small letters; with numbers if there are
-several."""
-
 # First words of headings beside which input and output may be those of a controller.
 SET_POINTS = ("setpoint", "set", "sp", "reference", "sollwert")
 CONTROLLER = {"u": ("output", "out", "ausgang"), "y": ("input", "in", "eingang")}
 DOUBTFUL = {name for names in CONTROLLER.values() for name in names}
-
+# Words in headings of which the example in a question is made; nothing is taken for them.
 LIKELY = {
     "u": (
         "q", "heater", "valve", "dac", "pwm", "duty", "esc", "voltage", "effort", "command", "co",
@@ -44,8 +41,6 @@ LIKELY = {
         "velocity", "position", "feedback", "measured", "actual", "process",
     ),
 }  # fmt: skip
-"""Words in headings of which the example in a question is made; nothing is taken for them."""
-
 # Headings of columns that number the rows: never taken for times.
 COUNTERS = (
     "sample", "samples", "index", "n", "k", "i", "no", "nr", "step", "count", "row", "id",
@@ -162,9 +157,8 @@ def _question(
     if lacking == ["t"] and not several:
         add = "add a column t in seconds"
         if left:
-            add = (
-                f"name the column that holds it, such as {_option({'t': left[0], **order}, heads)}"
-            )
+            option = _option({"t": left[0], **order}, heads)
+            add = f"name the column that holds it, such as {option}"
         return f"and no time: {add}, or {SAMPLING}"
     controlled = _controlled(heads)
     example = {**order, **{what: each[0] for what, each in several.items()}}

@@ -6,6 +6,7 @@ from collections.abc import Iterator
 
 import numpy as np
 from scipy.linalg import solve_toeplitz
+from scipy.ndimage import median_filter
 from scipy.signal import lfilter
 from scipy.stats import chi2, norm
 
@@ -117,11 +118,8 @@ def _short(record: Record, parameters: dict[str, Parameter]) -> Iterator[str]:
         elif found.standard_error > max(abs(found.value), 0.1 * duration):
             error = found.standard_error
             about = f" ({found.value:.3g} ± {error:.2g} s)" * (error < duration)
-            remedy = (
-                "let the input move more often"
-                if found.value > record.sampling_time
-                else "sample faster"
-            )
+            slow = found.value > record.sampling_time
+            remedy = "let the input move more often" if slow else "sample faster"
             yield f"the {name} is hardly known{about}: {remedy}"
 
 
@@ -130,8 +128,7 @@ def _outliers(record: Record, residual: FloatArray, start: int) -> Iterator[str]
 
     Far is what neither the noise, with its tails, nor the steps in which y usually changes explain.
     """
-    around = np.lib.stride_tricks.sliding_window_view(np.pad(residual, 2, mode="reflect"), 5)
-    apart = np.abs(residual - np.median(around, axis=1))
+    apart = np.abs(residual - median_filter(residual, 5, mode="mirror"))
     steps = np.abs(np.diff(record.y))
     tail = float(np.quantile(apart, TAIL)) / float(norm.ppf(0.5 + TAIL / 2))
     scale = max(tail, float(np.median(steps[steps > 0])))

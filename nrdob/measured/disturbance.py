@@ -26,10 +26,8 @@ problems, Journal of the American Statistical Association 72 (1977) 320-338.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import lru_cache
-from itertools import chain, groupby
+from itertools import chain
 from math import exp, pi, sqrt
-from operator import itemgetter
 from typing import NamedTuple
 
 import numpy as np
@@ -41,29 +39,26 @@ from ..numerics import BoolArray, FloatArray
 
 __all__ = ["Scatter", "scatter_of"]
 
+# Poles φ of coloured noise.
 COLOURED = (0.3, 0.5, 0.65, 0.75, 0.82, 0.87, 0.91, 0.94, 0.96, 0.975, 0.985, 0.993)
-"""Poles φ of coloured noise."""
-
+# Distances of the zero from the pole, 1 - θ/φ.
 SHARES = (1e-3, 3e-3, 6e-3, 0.012, 0.025, 0.05, 0.1, 0.2, 0.35, 0.6, 1.0)
-"""Distances of the zero from the pole, 1 - θ/φ."""
-
-LEAST = 0.02
-"""Distance φ - θ below which coloured noise is white."""
-
-SMOOTH = SHARES[1:8]
-"""The same for a drift that goes on in its direction."""
-
+SMOOTH = SHARES[1:8]  # the same for a drift that goes on in its direction
+LEAST = 0.02  # distance φ - θ below which coloured noise is white
+# Sizes of each part of the wave beside a random walk, over e, and how many periods it makes.
 WAVES, PERIODS = (6.0, 60.0, 600.0), (0.5, 1.0, 1.5)
-"""Sizes of each part of the wave beside a random walk, over e, and how many periods it makes."""
+BLOCK = 1000  # samples that are triangularised at once
+# How often noise must have forgotten itself in a record; what remembers longer is a drift.
+FORGOTTEN = 50
 
 
 class Hypothesis(NamedTuple):
-    """Order m, φ and θ, and the size of the wave if one passes beside it."""
+    """Order m, φ and θ, and the sizes that a wave beside it may have, if one passes."""
 
     order: int
     pole: float
     zero: float
-    wave: float = 1.0
+    waves: tuple[float, ...] = (1.0,)
 
 
 HYPOTHESES = (
@@ -74,16 +69,10 @@ HYPOTHESES = (
         for far in SHARES
         if pole * far > LEAST
     ],
-    [Hypothesis(1, 1.0, 1 - far, size) for far in SHARES for size in WAVES],
+    [Hypothesis(1, 1.0, 1 - far, WAVES) for far in SHARES],
     [Hypothesis(2, 1.0, 1 - far) for far in SMOOTH],
 )
 """Noise, random walks and smooth drifts."""
-
-BLOCK = 1000
-"""Samples that are triangularised at once."""
-
-FORGOTTEN = 50
-"""How often noise must have forgotten itself in a record; what remembers longer is a drift."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -142,14 +131,14 @@ def scatter_of(
         [each for each in kind if each.pole == 1 or (1 - each.pole) * residual.size > FORGOTTEN]
         for kind in HYPOTHESES
     ]
-    for (order, pole, zero), several in groupby(chain(*kinds), itemgetter(0, 1, 2)):
+    for order, pole, zero, waves in chain(*kinds):
         den, num = (np.poly([root] * order) for root in (pole, zero))
         beside = _beside(order, pole, zero, residual.size)
         count = len(beside)
         white = lfilter(den, num, np.vstack([*beside, rows]))[:, used]
         triangle = _triangle(white)  # stands for all samples
-        for each in several:
-            scale = np.repeat([each.wave, 1.0], [count, n + 1])
+        for wave in waves:
+            scale = np.repeat([wave, 1.0], [count, n + 1])
             stacked = np.vstack([np.eye(count, count + n + 1), triangle * scale])
             corner = np.asarray(np.linalg.qr(stacked, mode="r"))
             variance = float(corner[-1, -1] ** 2) / freedom + np.finfo(float).tiny
@@ -167,7 +156,7 @@ def scatter_of(
             shifts.append(inverse @ corner[:-1, -1] / size)
             covariances.append(covariance / np.outer(size, size))
     weights = np.exp(np.array(logarithms) - max(logarithms))
-    sizes = [len(kind) for kind in kinds]
+    sizes = [sum(len(each.waves) for each in kind) for kind in kinds]
     weights /= np.repeat(sizes, sizes)
     return Scatter(weights / weights.sum(), np.array(shifts), np.array(covariances), freedom)
 
@@ -180,12 +169,6 @@ def _triangle(rows: FloatArray) -> FloatArray:
     return np.asarray(np.linalg.qr(np.vstack([corners, rows[:, blocks * BLOCK :].T]), mode="r"))
 
 
-@lru_cache(maxsize=1)
-def _waves(samples: int) -> list[FloatArray]:
-    angles = [2 * pi * each * np.arange(samples) / samples for each in PERIODS]
-    return [part(angle) for angle in angles for part in (np.sin, np.cos)]
-
-
 def _beside(order: int, pole: float, zero: float, samples: int) -> list[FloatArray]:
     """List what enters the output beside filtered noise; the size of each varies as e does."""
     times = np.arange(samples)
@@ -193,7 +176,8 @@ def _beside(order: int, pole: float, zero: float, samples: int) -> list[FloatArr
         return [abs(pole - zero) / sqrt(1 - pole**2) * pole**times]
     if order > 1:  # the slope of the drift as the record begins
         return [sqrt(samples) * (1 - zero) ** 2 * times]
-    return _waves(samples)
+    angles = [2 * pi * each * times / samples for each in PERIODS]
+    return [part(angle) for angle in angles for part in (np.sin, np.cos)]
 
 
 def _rounded(grain: float, variance: float) -> float:

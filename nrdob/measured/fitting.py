@@ -73,13 +73,10 @@ class Problem:
 
     def after(self, before: FloatArray) -> Problem:
         """Let other inputs go before; their outputs are not known, and must not be compared."""
-        outputs, used = np.full(before.size, self.outputs[0]), np.ones(before.size, dtype=bool)
-        return Problem(
-            np.concatenate([before, self.inputs]),
-            np.concatenate([outputs, self.outputs]),
-            np.concatenate([used, self.used]),
-            self.grain,
-        )
+        ahead = before.size, 0
+        outputs = np.pad(self.outputs, ahead, mode="edge")
+        used = np.pad(self.used, ahead, constant_values=True)
+        return Problem(np.append(before, self.inputs), outputs, used, self.grain)
 
     def thinned(self, factor: int) -> Problem:
         """Take means of so many samples."""

@@ -28,9 +28,9 @@ from .structures import STRUCTURES, Structure
 
 __all__ = ["Candidate", "Identification", "identified", "identify"]
 
+# Share of the input's variance, and samples, that each part of a record must have; and its last
+# samples, in which a move of the input is hardly seen in y.
 MOVES, LEAST, SEEN = 0.1, 50, 10
-"""Share of the input's variance, and samples, that each part of a record must have; and its last
-samples, in which a move of the input is hardly seen in y."""
 
 
 @dataclass(frozen=True)
@@ -39,18 +39,15 @@ class Candidate:
 
     Attributes
     ----------
-    structure : str
-        In words.
+    structure, process : str, DelayedTransferFunction
+        In words, and the process it gives.
     parameters : int
         How many numbers it has, without level and initial state.
-    fit_percent : float
-        How much of the output it explains in the part it was fitted to.
-    validation_percent : float
-        How much of the part that was held out; nan if none was.
+    fit_percent, validation_percent : float
+        How much of the output it explains in the part it was fitted to, and of the part that was
+        held out; nan if none was.
     bic : float
         Bayesian information criterion against the best one, 0 for that one.
-    process : DelayedTransferFunction
-        The process it gives.
     rival : bool
         Whether it explains the record about as well as the one chosen.
     """
@@ -125,20 +122,14 @@ class Identification:
 
     def __repr__(self) -> str:
         held = self.validation_percent
-        rows = [
+        foretold = "nothing held out" if np.isnan(held) else f"held-out part {held:.1f} %"
+        heading = f"{'':18} {'value':>10} {'':6} {100 * CONFIDENCE:9.3g} % interval"
+        rows = [f"{self.structure}: fit {self.fit_percent:.1f} %, {foretold}", heading]
+        rows += (
             f"{name:18} {p.value:10.4g} {p.unit:6} {p.low:10.4g} to {p.high:.4g}"
             for name, p in self.parameters.items()
-        ]
-        return "\n".join(
-            [
-                f"{self.structure}: fit {self.fit_percent:.1f} %, "
-                + ("nothing held out" if np.isnan(held) else f"held-out part {held:.1f} %"),
-                f"{'':18} {'value':>10} {'':6} {100 * CONFIDENCE:9.3g} % interval",
-                *rows,
-                self.residuals.reason,
-                *self.remarks,
-            ]
         )
+        return "\n".join([*rows, self.residuals.reason, *self.remarks])
 
 
 def identify(
@@ -219,19 +210,15 @@ def identify(
         raise ValueError(f"held_out is {held_out}; it must be between 0 and 0.9")
     for remark in record.remarks:
         warnings.warn(remark, UserWarning, stacklevel=2)
-    structures: tuple[Structure, ...] = STRUCTURES
-    if structure is not None:
-        structures = tuple(each for each in STRUCTURES if each.name == structure)
-        if not structures:
-            names = "; ".join(each.name for each in STRUCTURES)
-            raise ValueError(f"structure is {structure!r}; choose one of: {names}")
+    structures = tuple(each for each in STRUCTURES if structure in (None, each.name))
+    if not structures:
+        names = "; ".join(each.name for each in STRUCTURES)
+        raise ValueError(f"structure is {structure!r}; choose one of: {names}")
     return identified(record, structures, held_out)
 
 
 def identified(
-    record: Record,
-    structures: tuple[Structure, ...] = STRUCTURES,
-    held_out: float = 0.5,
+    record: Record, structures: tuple[Structure, ...] = STRUCTURES, held_out: float = 0.5
 ) -> Identification:
     """Do what `identify` does, for a record that was checked.
 
@@ -265,10 +252,7 @@ def _found(record: Record, structures: tuple[Structure, ...], held_out: float) -
     # An integrator moves, for nobody knows the input that keeps it at rest, unless it was said.
     known = record.input_before is not None
     begun = [
-        [
-            best_fit(each, problem, moving)
-            for moving in ({False} if known else {each.integrates, True})
-        ]
+        [best_fit(each, problem, moving) for moving in {each.integrates and not known, not known}]
         for each in structures
     ]
     # Where the input before the record is not known, the samples that the dead time keeps it alive

@@ -16,7 +16,7 @@ __all__ = [
 ]  # fmt: skip
 
 LONGEST = 60  # characters of a cell or a heading that a message repeats
-
+# Seconds in each unit of time that a heading may name, in small letters.
 UNITS = {
     unit: seconds
     for units, seconds in (
@@ -30,24 +30,18 @@ UNITS = {
     )
     for unit in units
 }
-"""Seconds in each unit of time that a heading may name, in small letters."""
-
+# What stands where there is no value, in small letters.
 ABSENT = ("", "-", "--", "---", "?", "nan", "na", "n/a", "#n/a", "#nv", "null", "none")
-"""What stands where there is no value, in small letters."""
-
 # A comma at its end separates columns.
 NUMBER = re.compile(r"[+-]?(\d+([.,]\d+|\.)?|[.,]\d+)(e[+-]?\d+)?", re.I)
-
 # With three figures in each group behind the first, and maybe decimals.
 THOUSANDS = re.compile(r"[+-]?[1-9]\d{0,2}([\s.,'’]\d{3})+([.,]\d*)?")
-
 # Digits of a unit are exponents, as in "m3/h", "m/s^2" or "min-1", and a blank stands before it.
 MEASURED = re.compile(
     rf"(?P<number>{NUMBER.pattern})\s*(?P<unit>([^\W\d_]|[°%])([^\W\d_]|[°%/²³]){{0,7}}"
     r"|(?<=\s)[^\W\d_]([^\W\d_]|[/*·²³]|(?<=[^\W\d_])\^?-?\d(?!\d)){1,9})?",
     re.I,
 )
-
 MOMENT = re.compile(
     r"(?:(?P<days>[+-]?\d+)\s+days?,?\s+\+?(?=\d))?(?P<sign>^[+-])?"
     r"(?:(?P<day>\d{1,4}[-./](?:\d{1,2}|[a-z]{3,9})[-./]\d{1,4})(?:[t\s]\s*|$))?"
@@ -55,9 +49,7 @@ MOMENT = re.compile(
     r"(?:\s*(?P<half>[ap])\.?m\.?)?)?\s*(?P<zone>z|utc|gmt|[+-]\d\d:?\d\d)?",
     re.I,
 )
-
 MINUTES = re.compile(r"([+-]?)(\d{1,3}):(\d\d[.,]\d+)")  # and seconds, for no other has a fraction
-
 ISO_DAY = re.compile(r"(\d{4})[-./](\d\d?)[-./](\d\d?)")
 
 

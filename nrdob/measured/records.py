@@ -13,9 +13,7 @@ from .resampling import evenly_sampled
 
 __all__ = ["BEFORE", "SHORTEST", "Record", "checked_record", "look_swapped", "resolution"]
 
-SHORTEST = 20
-"""Samples below which nothing is fitted."""
-
+SHORTEST = 20  # samples below which nothing is fitted
 STUCK = 5  # samples in a row at one extreme value from which on an output may be at its limit
 # Last step before a limit, against the largest of the record, that no settling output makes.
 ABRUPT = 0.2

@@ -6,7 +6,7 @@ refused, with the place.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -137,12 +137,12 @@ def _rounding(t: FloatArray, number: IntArray) -> tuple[float, float]:
 
 def _gaps(
     index: IntArray, t: FloatArray, u: FloatArray, place: Callable[[int], str]
-) -> list[tuple[str, bool]]:
+) -> Iterator[tuple[str, bool]]:
     """Say how much is missing, each with whether it is minor; refuse gaps that hide something."""
     missing = np.diff(index) - 1
     total, size = int(missing.sum()), int(index[-1]) + 1
     if not total:
-        return []
+        return
     worst = int(np.argmax(missing))
     if total > MISSING * size or missing.max() > max(1.0, LONGEST * size):
         raise ValueError(
@@ -158,19 +158,16 @@ def _gaps(
             f"u changes from {u[k - 1]:g} to {u[k]:g} while {missing[k - 1]} samples are missing "
             f"before {place(k)}: when is not known; use a stretch without that gap"
         )
-    said = (
-        f"{total} of {size} samples {'is' if total == 1 else 'are'} missing: y is interpolated "
-        "there, and not used"
-    )
-    done = [(said, total <= MINOR * size)]
+    are = "is" if total == 1 else "are"
+    said = f"{total} of {size} samples {are} missing: y is interpolated there, and not used"
+    yield said, total <= MINOR * size
     if moved.size:
         more = f" and {moved.size - 1} times more" if moved.size > 1 else ""
-        late = (
+        said = (
             f"u changes while a sample is missing, before {place(int(moved[0]) + 1)}{more}: u is "
             "taken to change after it; the dead time may be wrong by up to one sample"
         )
-        done.append((late, False))
-    return done
+        yield said, False
 
 
 def _clock(steps: FloatArray) -> str:

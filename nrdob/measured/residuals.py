@@ -26,29 +26,17 @@ __all__ = [
     "DECISIVE", "ResidualCheck", "Whitening", "check_residuals", "products", "whitening_of",
 ]  # fmt: skip
 
-LAGS, PER_LAG = 25, 8
-"""Most lags looked at, and samples that each must have."""
-
+LAGS, PER_LAG = 25, 8  # most lags looked at, and samples that each must have
+# Probability below which chance is not believed, and above which whiteness is.
 UNLIKELY, DOUBTFUL = 0.01, 0.05
-"""Probability below which chance is not believed, and above which whiteness is."""
-
-NO_CHANCE = 0.001
-"""Probability below which only that is said."""
-
+NO_CHANCE = 0.001  # probability below which only that is said
+# Values of 1 - θ among which the search begins.
 DRIFTS = (0.0, 1e-3, 3e-3, 6e-3, 0.01, 0.02, 0.03, 0.05, 0.08, 0.12, 0.18, 0.27, 0.4, 0.6, 1.0)
-"""Values of 1 - θ among which the search begins."""
-
-MEMORY = 0.95
-"""Largest φ."""
-
+MEMORY = 0.95  # largest φ
+# What the criterion must gain for a drift to be believed in, or one structure before another.
 DECISIVE = 10.0
-"""What the criterion must gain for a drift to be believed in, or one structure before another."""
-
-LONGEST = 20.0
-"""How often a memory must pass in a record; one that is longer is a drift."""
-
-ORDER = 4
-"""Of the autoregressions that are tried without drift."""
+LONGEST = 20.0  # how often a memory must pass in a record; one that is longer is a drift
+ORDER = 4  # of the autoregressions that are tried without drift
 
 
 @dataclass(frozen=True)

@@ -7,7 +7,7 @@ the record does not say. Line numbers in messages are those of an editor.
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from datetime import datetime
 from itertools import product
@@ -42,7 +42,7 @@ LONG, NANO = 9e4, 1e8
 # What may be thousands that a mark parts, and what has decimals behind it.
 PARTED = {mark: re.compile(rf"[+-]?[1-9]\d{{0,2}}([{mark}]\d{{3}})+") for mark in ".,"}
 DECIMAL = {mark: re.compile(rf"[+-]?\d+[{mark}]\d+") for mark in ".,"}
-SWITCHED = {"off": 0, "false": 0, "on": 1, "true": 1}
+SWITCHED = {"off": "0", "false": "0", "on": "1", "true": "1"}
 HEATED_AIR_STEP = 0.08
 
 
@@ -115,18 +115,16 @@ def read_data(
     first = next(iter(sheet.rows), [])
     dates = [k for k, cell in enumerate(first) if number_in(cell) is None and is_moment(cell)]
     moments = [k for k in dates if ":" in first[k]] or dates  # a date beside the time of day
-    blank = [
-        k
-        for k in range(len(heads))
-        if sheet.rows and not any(row[k].strip() for row in sheet.rows if k < len(row))
-    ]
+    blank = [k for k in range(len(heads)) if sheet.rows and not any(_column(sheet, k))]
     choice = chosen(heads, asked, sampling_time is None, table, moments, dates + blank)
-    width = len(heads)
-    rows = [row if len(row) >= width else [*row, *[""] * (width - len(row))] for row in sheet.rows]
-    sheet, samples, absent = _complete(replace(sheet, rows=rows), choice.order)
-    sheet, switched = _switched(sheet, choice.order["u"])
-    _check_marks(sheet, choice.order)
-    (u, unit_of_u), (y, unit_of_y) = (_numbers(sheet, w, choice.order[w]) for w in ("u", "y"))
+    written = {what: list(_column(sheet, k)) for what, k in choice.order.items()}
+    samples, absent = _complete(written, sheet.lines)
+    cells = {what: [column[k] for k in samples] for what, column in written.items()}
+    # From here on only these cells are read.
+    sheet = replace(sheet, rows=(), lines=[sheet.lines[k] for k in samples])
+    cells["u"], switched = _switched(cells["u"])
+    _check_marks(cells, sheet.lines)
+    (u, unit_of_u), (y, unit_of_y) = (_numbers(sheet, what, cells[what]) for what in ("u", "y"))
     if choice.remarks and look_swapped(u, y):
         raise ValueError(
             f"nothing in {short(path.name)} says which column is u and which is y, and in the "
@@ -145,7 +143,7 @@ def read_data(
     for what, unit in (("u", unit_of_u), ("y", unit_of_y)):
         notes += (f"{what} is in {unit}, which stands in its cells",) * bool(unit)
     if sampling_time is None:
-        times, said = _times(sheet, choice)
+        times, said = _times(sheet, choice, cells["t"])
         notes += said
     else:
         if sheet.blank:
@@ -219,65 +217,57 @@ def _check_widths(sheet: Sheet, width: int) -> None:
         )
 
 
-def _complete(sheet: Sheet, order: Mapping[str, int]) -> tuple[Sheet, list[int], tuple[str, ...]]:
-    """Leave out lines in which u or y is missing; give the numbers of the others, and a note."""
-    lost = {
-        k: what
-        for what in ("y", "u")
-        for k, row in enumerate(sheet.rows)
-        if row[order[what]].strip().lower() in ABSENT
-    }
+def _column(sheet: Sheet, k: int) -> Iterator[str]:
+    """Give the cells of a column; what a row lacks at its end is empty."""
+    return (row[k].strip() if k < len(row) else "" for row in sheet.rows)
+
+
+def _complete(
+    cells: Mapping[str, Sequence[str]], lines: Sequence[int]
+) -> tuple[list[int], tuple[str, ...]]:
+    """Find the lines in which neither u nor y is missing, and note how many are left out."""
+    lost = {k: w for w in ("y", "u") for k, cell in enumerate(cells[w]) if cell.lower() in ABSENT}
+    kept = [k for k in range(len(lines)) if k not in lost]
     if not lost:
-        return sheet, list(range(len(sheet.rows))), ()
+        return kept, ()
     first, more = min(lost), len(lost) - 1
-    if len(lost) > MISSING * len(sheet.rows):
+    if len(lost) > MISSING * len(lines):
         what = lost[first]
         raise ValueError(
-            f"line {sheet.lines[first]}: {what} {_said(sheet.rows[first][order[what]].strip())}, "
-            f"and values are missing in {len(lost)} of {len(sheet.rows)} lines; at most "
-            f"{100 * MISSING:g} % are filled in: use a stretch without gaps, and repeat in every "
-            "line what is written only where it changes"
+            f"line {lines[first]}: {what} {_said(cells[what][first])}, and values are missing in "
+            f"{len(lost)} of {len(lines)} lines; at most {100 * MISSING:g} % are filled in: use a "
+            "stretch without gaps, and repeat in every line what is written only where it changes"
         )
-    kept = [k for k in range(len(sheet.rows)) if k not in lost]
-    rows, lines = [sheet.rows[k] for k in kept], [sheet.lines[k] for k in kept]
-    said = f"values are missing in line {sheet.lines[first]}" + f" and {more} more" * (more > 0)
-    return replace(sheet, rows=rows, lines=lines), kept, (f"{said}: left out",)
+    said = f"values are missing in line {lines[first]}" + f" and {more} more" * (more > 0)
+    return kept, (f"{said}: left out",)
 
 
-def _switched(sheet: Sheet, column: int) -> tuple[Sheet, tuple[str, ...]]:
+def _switched(cells: list[str]) -> tuple[list[str], tuple[str, ...]]:
     """Write 1 and 0 for an input that is on or off throughout, with a remark."""
-    words = {row[column].strip() for row in sheet.rows}
+    words = set(cells)
     if not words or not {word.lower() for word in words} <= SWITCHED.keys():
-        return sheet, ()
-    rows = [
-        [*row[:column], str(SWITCHED[row[column].strip().lower()]), *row[column + 1 :]]
-        for row in sheet.rows
-    ]
+        return cells, ()
     named = " or ".join(map(repr, sorted(words, key=lambda word: SWITCHED[word.lower()])))
-    return replace(sheet, rows=rows), (
+    return [SWITCHED[cell.lower()] for cell in cells], (
         f"u is {named}, read as 0 and 1: a controller gives values between them, so switch the "
         "actuator on for that share of each of many short periods, or use one that can be set",
     )
 
 
-def _check_marks(sheet: Sheet, order: Mapping[str, int]) -> None:
+def _check_marks(cells: Mapping[str, Sequence[str]], lines: Sequence[int]) -> None:
     """Refuse what may part thousands, where another column has it the other way round."""
-    cells = {what: [row[k].strip() for row in sheet.rows[:SEEN]] for what, k in order.items()}
     for what, (mark, called, other) in product(cells, ((".", "point", ","), (",", "comma", "."))):
-        marked = [k for k, cell in enumerate(cells[what]) if mark in cell]
-        decimals = [
-            (beside, cell)
-            for beside in cells
-            if beside != what
-            for cell in cells[beside]
-            if DECIMAL[other].fullmatch(cell)
-        ]
+        marked = [k for k, cell in enumerate(cells[what][:SEEN]) if mark in cell]
+        elsewhere = (
+            (beside, cell) for beside in cells if beside != what for cell in cells[beside][:SEEN]
+        )
+        decimals = [(beside, cell) for beside, cell in elsewhere if DECIMAL[other].fullmatch(cell)]
         if marked and decimals and all(PARTED[mark].fullmatch(cells[what][k]) for k in marked):
             beside, cell = decimals[0]
             raise ValueError(
-                f"line {sheet.lines[marked[0]]}: {what} is {short(cells[what][marked[0]])!r}, "
-                f"which may have a {called} between thousands where {beside} has "
-                f"{short(cell)!r}: use one decimal mark, and no separator of thousands"
+                f"line {lines[marked[0]]}: {what} is {short(cells[what][marked[0]])!r}, which may "
+                f"have a {called} between thousands where {beside} has {short(cell)!r}: use one "
+                "decimal mark, and no separator of thousands"
             )
 
 
@@ -285,9 +275,8 @@ def _said(cell: str) -> str:
     return f"is {short(cell)!r}, which is no finite number" if cell else "is empty"
 
 
-def _numbers(sheet: Sheet, what: str, column: int) -> tuple[FloatArray, str]:
+def _numbers(sheet: Sheet, what: str, written: Sequence[str]) -> tuple[FloatArray, str]:
     """Read the numbers of a column, and the unit behind each; or name the first that is none."""
-    written = [row[column].strip() for row in sheet.rows]
     parts = [parted(cell) if number_in(cell) is None else (cell, "") for cell in written]
     cells = [number for number, _ in parts]
     values = [number_in(cell) for cell in cells]
@@ -355,14 +344,15 @@ def _check_decimals(sheet: Sheet, what: str, cells: Sequence[str]) -> None:
             )
 
 
-def _times(sheet: Sheet, choice: Choice) -> tuple[FloatArray, tuple[str, ...]]:
+def _times(
+    sheet: Sheet, choice: Choice, cells: Sequence[str]
+) -> tuple[FloatArray, tuple[str, ...]]:
     """Read the times in seconds, and say how."""
     column = choice.order["t"]
-    cells = [row[column].strip() for row in sheet.rows]
     if cells and number_in(cells[0]) is None and is_moment(cells[0]):
         times, first = seconds_in(cells, lambda k: f"line {sheet.lines[k]}")
         return times, (f"t is in seconds since {first}, the time of the first row",)
-    times, within = _numbers(sheet, "t", column)
+    times, within = _numbers(sheet, "t", cells)
     below = sheet.units[column] if column < len(sheet.units) else ""
     # Dashes and colons draw the line below the headings of a table in a text.
     unit = choice.unit or below.strip(" \t[]()-=:").lower() or within

@@ -1,7 +1,4 @@
-"""Files as tables of cells: how they are encoded, what separates the columns, where headings are.
-
-Nothing in a file is ever run. Line numbers in messages are those of an editor.
-"""
+"""Files as tables of cells: encoding, what separates the columns, where headings are."""
 
 from __future__ import annotations
 
@@ -19,11 +16,9 @@ __all__ = ["SEEN", "Sheet", "read_sheet"]
 
 MOST_BYTES, MOST_ROWS = 50_000_000, 200_000  # sizes beyond which a file is refused
 SEEN = 200  # lines by which it is found how columns are separated
-
+# What may separate columns; where two explain the cells alike, the first. A blank is any white
+# space.
 SEPARATORS = ("\t", ";", "|", " ", ",")
-"""What may separate columns; where two explain the cells alike, the first. A blank is any white
-space."""
-
 COMMENT = re.compile(r"\s*(#|%|//)\s*")
 STAMP = re.compile(r"\s*(\d\d?:\d\d:\d\d(?:[.,]\d+)?)\s+->\s+")  # by the monitor of a serial port
 BEHIND = re.compile(r"(\s*[-+.\d].*\S)\s+(#|//)\s.*")  # a comment behind numbers
@@ -265,14 +260,8 @@ def _layout(rows: Sequence[Sequence[str]]) -> tuple[int, int | None, int | None]
     values = [sum(is_value(cell) for cell in row) for row in rows[:SEEN]]
     # Beside a name stand numbers that describe the table, where its rows begin with a number.
     numbered = is_value(rows[:SEEN][-1][0])
-    first = next(
-        (
-            k
-            for k, count in enumerate(values)
-            if count >= 2 and (is_value(rows[k][0]) or not numbered)
-        ),
-        None,
-    )
+    enough = (k for k, count in enumerate(values) if count >= 2)
+    first = next((k for k in enough if is_value(rows[k][0]) or not numbered), None)
     if first is None:  # no numbers at all, or one column of them: the headings are line 1
         return (1, 0, None) if values[0] == 0 else (0, None, None)
     width = max(len(row) for row in rows[first : first + 20])

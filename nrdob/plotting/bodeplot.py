@@ -15,17 +15,7 @@ from ..analysis import Margins, resolved_frequencies
 from ..diagram import Quotient, as_quotient, real_number
 from ..numerics import FloatArray, number
 from . import alttext
-from .figure import (
-    COLOURS,
-    INK,
-    TALL,
-    Figure,
-    axes_for,
-    colour_of,
-    headings,
-    label_of,
-    styled,
-)
+from .figure import COLOURS, INK, TALL, Figure, axes_for, colour_of, headings, label_of, styled
 
 __all__ = ["bode_plot"]
 
@@ -107,12 +97,8 @@ def _limits(given: Any) -> tuple[float, float]:
 
 def _frequency_range(quotients: Sequence[Quotient], margins: Margins | None) -> tuple[float, float]:
     """Cover all corners and margins and most of a decade around them, in round numbers."""
-    corners = [
-        np.abs(np.roots(part))
-        for quotient in quotients
-        for factor in (*quotient.num, *quotient.den)
-        for part, _ in factor.terms
-    ]
+    factors = [factor for quotient in quotients for factor in (*quotient.num, *quotient.den)]
+    corners = [np.abs(np.roots(part)) for factor in factors for part, _ in factor.terms]
     if margins is not None:
         corners.append(np.array([margins.wpc, margins.wgc]))
     # With a delay, as far as one turn: beyond it the phase only falls ever faster.

@@ -25,15 +25,9 @@ except ImportError as error:
     raise missing(error, "notebooks") from error
 
 __all__ = [
-    "Diagram",
-    "conventional",
-    "delayed_model",
-    "internal_model_control",
-    "limited",
-    "nrdob",
-    "six_blocks",
-    "two_degrees_of_freedom",
-]
+    "Diagram", "conventional", "delayed_model", "internal_model_control", "limited", "nrdob",
+    "six_blocks", "two_degrees_of_freedom",
+]  # fmt: skip
 
 Point = tuple[float, float]
 
@@ -42,6 +36,7 @@ RADIUS = 0.3
 SHADE = INK + "1e"
 SIGNS = {1: "+", -1: "−"}
 
+# How each block is written in a picture, and its role, which gives the colour.
 BLOCKS = {
     "C": (r"$C$", "controller"),
     "G": (r"$G$", "process"),
@@ -57,13 +52,11 @@ BLOCKS = {
     "C/(1 + C*Gm)": (r"$\dfrac{C}{1+C\,\tilde{G}}$", "controller"),
     "C/((1 - F)*(1 + C*Gm))": (r"$\dfrac{C}{(1-F)\,(1+C\,\tilde{G})}$", "controller"),
 }
-"""How each block is written in a picture, and its role, which gives the colour."""
-
+# How a block or a signal is written in formulas, where not by its own name.
 WRITTEN = {
     "Gm": r"\tilde{G}", "Gm0": r"\tilde{G}_0",
     "dhat": r"\hat{\delta}", "ym": "y_m", "yf": "y_f",
 }  # fmt: skip
-"""How a block or a signal is written in formulas, where not by its own name."""
 
 
 class Term(NamedTuple):
@@ -162,9 +155,7 @@ class Diagram:
     def equations(self) -> dict[str, tuple[Term, ...]]:
         """The terms of each sum, read off the wires."""
         return {
-            name: tuple(
-                Term(wire.sign, *self.origin(wire)) for wire in self.wires if wire.path[-1] == name
-            )
+            name: tuple(Term(w.sign, *self.origin(w)) for w in self.wires if w.path[-1] == name)
             for name, part in self.parts.items()
             if isinstance(part, Sum)
         }
@@ -442,10 +433,8 @@ def _drawn_part(name: str, part: Input | Sum | Block) -> list[SegmentType]:
     label, role = BLOCKS[name.rstrip("'")]
     (x, y), (dx, dy) = part.at, part.reach
     corners = [(x - dx, y - dy), (x - dx, y + dy), (x + dx, y + dy), (x + dx, y - dy)]
-    return [
-        SegmentPoly(corners, color=COLOURS[role]),
-        _text(label, part.at, COLOURS[role], size=9.5),
-    ]
+    box = SegmentPoly(corners, color=COLOURS[role])
+    return [box, _text(label, part.at, COLOURS[role], size=9.5)]
 
 
 def _beside(before: Point, end: Point) -> Point:

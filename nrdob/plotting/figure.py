@@ -17,25 +17,9 @@ from matplotlib.axes import Axes
 from ..diagram import INPUTS, MAPS
 
 __all__ = [
-    "COLOURS",
-    "DPI",
-    "INK",
-    "PIXELS",
-    "SHORT",
-    "SMALLEST",
-    "TALL",
-    "WIDTH",
-    "Figure",
-    "axes_for",
-    "colour_of",
-    "dress",
-    "headings",
-    "in_lines",
-    "label_of",
-    "missing",
-    "new_axes",
-    "styled",
-]
+    "COLOURS", "DPI", "INK", "PIXELS", "SHORT", "SMALLEST", "TALL", "WIDTH", "Figure", "axes_for",
+    "colour_of", "dress", "headings", "in_lines", "label_of", "missing", "new_axes", "styled",
+]  # fmt: skip
 
 STYLE = Path(__file__).with_name("nrdob.mplstyle")
 WIDTH, TALL, SHORT = 5.0, 4.0, 2.8
@@ -44,12 +28,9 @@ WIDTH, TALL, SHORT = 5.0, 4.0, 2.8
 So narrow that its type can still be read where a phone of 360 pixels shows it.
 """
 
-SMALLEST = 8.5
-"""Size in points below which no type of a figure goes, indices apart."""
-
+SMALLEST = 8.5  # size in points below which no type of a figure goes, indices apart
+# CSS pixels to an inch of a figure where there is room: its labels are as large as text.
 PIXELS = 125
-"""CSS pixels to an inch of a figure where there is room: its labels are as large as text."""
-
 DPI = 200
 INK = "#757575"
 COLOURS = {

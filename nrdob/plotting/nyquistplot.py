@@ -96,10 +96,8 @@ def nyquist_plot(
 
 
 def _n_p_z(count: LoopStability | NyquistCount) -> str:
-    n, p, z = (
-        "?" if value is None else number(value)
-        for value in (count.encirclements, count.open_loop_rhp, count.closed_loop_rhp)
-    )
+    counts = count.encirclements, count.open_loop_rhp, count.closed_loop_rhp
+    n, p, z = ("?" if each is None else number(each) for each in counts)
     endless = count.encirclements == inf != count.closed_loop_rhp
     relation = "$Z$" if endless else "$Z$ = $N + P$"
     return f"$N$ = {n},  $P$ = {p},  {relation} = {z}"

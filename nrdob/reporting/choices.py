@@ -15,7 +15,7 @@ from ..diagram import FilterFamily, LowPassFilter, as_fraction, filter_fraction,
 from ..loop import NRDOB
 from ..numerics import number
 
-__all__ = ["controller_for", "filter_at", "filter_for", "slowest_lag"]
+__all__ = ["controller_for", "filter_for", "slowest_lag"]
 
 ORIGIN = 1e-9  # size of a root, against the largest, that is taken for 0
 # Largest gain from noise to u against that at rest, where only noise limits the filter.
@@ -41,7 +41,7 @@ def _slowest(process: Any) -> float:
 
 
 def filter_for(
-    process: Any, model: Any, family: int | FilterFamily, max_ms: float
+    process: Any, model: Any, family: FilterFamily, max_ms: float
 ) -> tuple[LowPassFilter | ct.TransferFunction | None, str, list[str]]:
     """Choose the fastest filter that keeps the peak; where all do, what the noise allows."""
     of_order, reason = _named(family), ""
@@ -64,23 +64,13 @@ def filter_for(
     return None, f"Filter: {reason}.", [unusable]
 
 
-def _named(family: int | FilterFamily) -> str:
-    if isinstance(family, FilterFamily):
-        return f"of the {family.kind} filters of order {family.order}"
-    return f"of order {family}"
-
-
-def filter_at(
-    family: int | FilterFamily, time_constant: float
-) -> LowPassFilter | ct.TransferFunction:
-    """Give the filter of an order or a family with this time constant, in seconds."""
-    if isinstance(family, FilterFamily):
-        return family.at(time_constant)
-    return LowPassFilter(time_constant, family)
+def _named(family: FilterFamily) -> str:
+    kind = "" if family.is_binomial else f"the {family.kind} filters of "
+    return f"of {kind}order {family.order}"
 
 
 def _by_noise(
-    process: Any, model: Any, family: int | FilterFamily, max_ms: float
+    process: Any, model: Any, family: FilterFamily, max_ms: float
 ) -> tuple[LowPassFilter | ct.TransferFunction, str]:
     """Choose among filters that may be as fast as one likes: F/model must not amplify too much."""
     slow = _slowest(process)
@@ -91,8 +81,7 @@ def _by_noise(
     allowed = NOISE_GAIN * abs(Gm.den[-1] / Gm.num[-1])
 
     def excess(exponent: float) -> float:
-        tried = filter_at(family, 10**exponent)
-        F = filter_fraction(tried)
+        F = filter_fraction(family.at(10**exponent))
         passed = inverse * np.abs(np.polyval(F.num, 1j * omega) / np.polyval(F.den, 1j * omega))
         return float(log10(passed.max() / allowed))
 
@@ -113,7 +102,7 @@ def _by_noise(
         quiet = INSIDE * longest
         said = "and this is a slow one: a faster one would pass even more noise to u."
     opening = f"every fast one {_named(family)} keeps the sensitivity peak below {max_ms:g}"
-    return filter_at(family, float(f"{quiet:.3g}")), f"Filter: {opening}, {said}"
+    return family.at(float(f"{quiet:.3g}")), f"Filter: {opening}, {said}"
 
 
 def controller_for(
@@ -121,11 +110,8 @@ def controller_for(
 ) -> tuple[ct.TransferFunction | None, str]:
     """Design a calm PI by its phase margin or the observer's bandwidth; if none is, the calmest."""
     prompt = undelayed(model)[0]
-    speed = (
-        1 / (filter.order * filter.time_constant)
-        if isinstance(filter, LowPassFilter)
-        else 1 / _slowest(prompt)
-    )
+    known = isinstance(filter, LowPassFilter)
+    speed = 1 / (filter.order * filter.time_constant if known else _slowest(prompt))
     asked: list[tuple[float | None, float]] = [] if calm else [(None, MARGINS[0])]
     asked += [(share * speed, margin) for margin in MARGINS for share in SPEEDS]
     tried: list[tuple[float, ct.TransferFunction, str]] = []

@@ -28,13 +28,10 @@ __all__ = ["read_block"]
 
 # Characters of a text, brackets within brackets, degree of a polynomial.
 LONGEST, DEEPEST, HIGHEST = 1000, 40, 40
-
 TOKEN = re.compile(
     r"\s*(?:(?P<number>(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)|(?P<exp>exp)|(?P<s>s)"
     r"|(?P<sign>\*\*|[-+*/^()])|(?P<other>\S.{0,9}))"
 )
-
-
 PRINTED = str.maketrans("−·", "-*")  # how a report writes what is typed as - and *
 RAISED = re.compile("[⁰¹²³⁴⁵⁶⁷⁸⁹]+")
 

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
-from math import ceil, floor, inf, log10
+from collections.abc import Iterable
+from decimal import ROUND_CEILING, ROUND_FLOOR, Context
+from math import inf
 from typing import Any
 
 import numpy as np
@@ -53,21 +54,17 @@ def intervals(found: Iterable[tuple[float, float]]) -> str:
         As `nrdob.stabilizing_time_constants` gives them, in seconds.
     """
     said = (
-        f"{_inwards(low, ceil)} s < λ < {_inwards(high, floor)} s" if high < inf
-        else f"λ > {_inwards(low, ceil)} s" if low else "every λ > 0"
+        f"{_inwards(low, ROUND_CEILING)} s < λ < {_inwards(high, ROUND_FLOOR)} s" if high < inf
+        else f"λ > {_inwards(low, ROUND_CEILING)} s" if low else "every λ > 0"
         for low, high in found
     )  # fmt: skip
     return " or ".join(said) or "no λ at all"
 
 
-def _inwards(end: float, to_whole: Callable[[float], int]) -> str:
+def _inwards(end: float, rounding: str) -> str:
     """Write the end of an interval with four digits, none of them outside."""
-    if not end:
-        return number(end, 4)
-    digit = floor(log10(end)) - 3
-    digits = end * 10.0**-digit
-    nearest = round(digits)  # what is off by rounding alone is not moved by a whole digit
-    return number((nearest if abs(digits - nearest) < 1e-6 else to_whole(digits)) * 10.0**digit, 4)
+    exact = Context(prec=10).create_decimal(end)  # one off by rounding alone is not moved further
+    return number(float(Context(prec=4, rounding=rounding).plus(exact)), 4)
 
 
 def roots_listed(roots: Any) -> str:

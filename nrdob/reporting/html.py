@@ -112,8 +112,7 @@ def picture(figure: Any, caption: str) -> Picture:
     svg = re.sub(r"<metadata>.*?</metadata>", "", svg, flags=re.DOTALL)
     svg = re.sub(r'(\bid="|href="#|url\(#)', rf"\g<1>p{crc32(svg.encode()):x}-", svg)
     # The width is the page's; the height follows from the view box.
-    for side in ("height", " width"):
-        svg = re.sub(rf'^<svg ([^>]*?){side}="[^"]*"', r"<svg \1", svg, count=1)
+    svg = re.sub(r' (?:height|width)="[^"]*"', "", svg, count=2)
     return Picture(svg, figure.alt, caption)
 
 

@@ -14,6 +14,7 @@ from ..diagram import (
     DelayedTransferFunction,
     FilterFamily,
     LowPassFilter,
+    as_family,
     as_fraction,
     filter_fraction,
     interpolating_filter,
@@ -22,7 +23,7 @@ from ..diagram import (
 from ..loop import NRDOB
 from ..measured import Identification
 from ..numerics import number
-from .choices import controller_for, filter_at, filter_for, slowest_lag
+from .choices import controller_for, filter_for, slowest_lag
 from .resonances import CERTAIN, LIGHT, resonance_warnings
 from .trials import Trial, in_words, trials_on
 
@@ -30,7 +31,7 @@ __all__ = ["Proposal", "propose"]
 
 # Time constants of an interpolating filter, against the fastest of the process.
 SHORTER = (1.0, 0.3, 0.1, 0.03, 0.01, 3.0, 10.0)
-
+# Why a model differs from the process, by how it does.
 REASONS = {
     "matched":
         "the process itself, which is stable, has no zero in the right half plane and no dead time",
@@ -46,8 +47,6 @@ REASONS = {
     "dead time replaced by a lag":
         "with a lag in place of the dead time, which cannot be inverted",
 }  # fmt: skip
-"""Why a model differs from the process, by how it does."""
-
 # Times the λ for the process found, or the sampling time if that is longer: tried where the loop
 # fails on a process that it may be.
 SLOWER = tuple(1.2**k for k in range(1, 18))
@@ -126,13 +125,15 @@ def propose(
         if process is not plant:
             why += " The samples are slower than anything in the process: the loop is designed for "
             why += "a dead time of one sample."
-        base = _Base(process, plant, best.model, why, order or best.filters, controller, max_ms)
+        family = as_family(order or best.filters)
+        base = _Base(process, plant, best.model, why, family, controller, max_ms)
         damped = _without_resonances(process)
         if damped is not None:
             why = "Model: the process without dead time and with its resonances critically damped."
-            others = [replace(base, model=damped, why=why, family=order or _lowest(damped))]
+            family = as_family(order or _lowest(damped))
+            others = [replace(base, model=damped, why=why, family=family)]
     else:
-        family = order or _lowest(model)
+        family = as_family(order or _lowest(model))
         base = _Base(process, plant, model, "Model: as given.", family, controller, max_ms)
     first = _completed(base, time_constant)
     loop = first.loop
@@ -185,7 +186,7 @@ class _Base:
     plant: Any
     model: Any
     why: str
-    family: int | FilterFamily
+    family: FilterFamily
     controller: Any
     max_ms: float
 
@@ -214,7 +215,7 @@ def _completed(base: _Base, time_constant: float | None, calm: bool = False) -> 
         if filter is None:
             return Proposal(None, tuple(words), warnings=tuple(warnings))
     else:
-        filter = filter_at(base.family, time_constant)
+        filter = base.family.at(time_constant)
         words.append("Filter: as given.")
     controller = base.controller
     if controller is None:

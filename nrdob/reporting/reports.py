@@ -30,13 +30,11 @@ from .trials import trial_table
 
 __all__ = ["Report", "report"]
 
+# What a part may raise that cannot be written.
 EXPECTED = (
     ArithmeticError, AttributeError, LookupError, NotImplementedError, TypeError, ValueError,
 )  # fmt: skip
-"""What a part may raise that cannot be written."""
-
 PROPOSED = "What is proposed, and why"
-
 CHECKED = (
     "What is said here is said of the linear loop with these blocks, in continuous time unless a "
     "sampling time is named: limits of the actuator, friction, quantisation and whatever the model "
@@ -307,12 +305,10 @@ def _sound(loop: NRDOB | None, proposal: Proposal | None) -> str:
         stable = loop.stability().stable
         if stable:
             peak = loop.margins().plant_loop.ms
-            elsewhere = f", and at {number(worst)} at most on all that the record allows"
-            return (
-                f"The loop is stable; its sensitivity peaks at {number(peak)}"
-                + elsewhere * (1.005 * peak < worst < inf)
-                + "."
-            )
+            elsewhere = ""
+            if 1.005 * peak < worst < inf:
+                elsewhere = f", and at {number(worst)} at most on all that the record allows"
+            return f"The loop is stable; its sensitivity peaks at {number(peak)}{elsewhere}."
     except EXPECTED as error:
         return f"Whether the loop is stable, and with which margins, is not known: {error}."
     return "The loop is NOT stable." if stable is False else UNDECIDED

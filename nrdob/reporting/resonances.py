@@ -13,12 +13,8 @@ from ..numerics import FloatArray, number
 
 __all__ = ["CERTAIN", "LIGHT", "moved", "resonance_warnings"]
 
-LIGHT = 0.2
-"""Damping ratio below which a pair of roots is a resonance."""
-
-CERTAIN = 0.02
-"""Relative error of its frequency that every plant has."""
-
+LIGHT = 0.2  # damping ratio below which a pair of roots is a resonance
+CERTAIN = 0.02  # relative error of its frequency that every plant has
 SHIFTS = (CERTAIN, 0.05, 0.1)  # relative errors of its frequency that are tried
 
 
@@ -51,11 +47,9 @@ def resonance_warnings(loop: NRDOB) -> Iterator[tuple[float, str]]:
                 others = loop.model, loop.controller, loop.filter, loop.keep_factors
                 if not NRDOB(plant, *others).stability().stable:
                     way = "higher" if sign > 0 else "lower"
-                    yield (
-                        shift,
-                        f"With the process' {name} at {number(frequency)} rad/s {100 * shift:g} % "
-                        f"{way} the loop is unstable; its margins do not show it.",
-                    )
+                    where = f"{name} at {number(frequency)} rad/s {100 * shift:g} % {way}"
+                    tail = "the loop is unstable; its margins do not show it."
+                    yield shift, f"With the process' {where} {tail}"
                     break
 
 

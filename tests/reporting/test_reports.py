@@ -13,6 +13,7 @@ from bs4 import BeautifulSoup
 
 import nrdob
 from nrdob.certificates import check
+from nrdob.diagram import as_family
 from nrdob.digital import largest_sampling_time
 from nrdob.measured import checked_record, heated_air, identify
 from nrdob.reporting import datasections, main, propose
@@ -510,14 +511,14 @@ def test_a_resonance_gets_a_controller_that_does_not_make_it_swing():
 def test_where_only_noise_limits_the_filter_it_passes_ten_times_what_a_constant_gets():
     # F/model = (2s + 1)/(3 (λs + 1)) tends to 2/(3λ), and is 1/3 at rest.
     model = 3 / (2 * s + 1)
-    found, said, warnings = filter_for(model, model, 1, 1.5)
+    found, said, warnings = filter_for(model, model, as_family(1), 1.5)
     assert found.time_constant == pytest.approx(0.2, rel=5e-3)
     assert "10 times" in said and warnings == []
 
 
 def test_a_filter_that_cannot_be_found_is_named_by_its_order():
     lag = 1 / (s + 1)
-    _, _, (warned,) = filter_for(10 * lag, lag, 4, 1.7)
+    _, _, (warned,) = filter_for(10 * lag, lag, as_family(4), 1.7)
     assert warned.startswith("No filter of order 4 gives a loop")
 
 
