@@ -100,7 +100,7 @@ from .delay import undelayed
 from .filters import TYPED_IN, filter_fraction
 from .quotient import Quotient
 
-__all__ = ["LoopEquations", "LoopFractions", "ObserverEquations", "ObserverFractions"]
+__all__ = ["LoopEquations", "LoopFractions", "ObserverEquations"]
 
 MADE = {
     "Nm'": attrgetter("built.Nm"),
@@ -114,14 +114,6 @@ MADE = {
 """Factors of the maps that are not made before they are asked for."""
 
 SAME_DELAY = 4 * float(np.finfo(float).eps)  # of two dead times: 0.1 + 0.2 is not 0.3
-
-
-class ObserverFractions(NamedTuple):
-    """Numerators and denominators of the blocks of an observer: process, model, filter."""
-
-    G: Fraction
-    Gm: Fraction
-    F: Fraction
 
 
 class BuiltFactors(NamedTuple):
@@ -162,174 +154,8 @@ class _Map(cached_property[Quotient]):
         return Quotient(num, den, self.attrname or "")
 
 
-class _ObserverMaps:
-    """What does not depend on the controller: condition ii, and all the feedback there is."""
-
-    process: Any
-    model: Any
-    filter: Any
-    keep_factors: bool
-
-    @cached_property
-    def fractions(self) -> ObserverFractions | LoopFractions:
-        """Numerators and denominators of the blocks, without dead times."""
-        return self._observer_fractions
-
-    @cached_property
-    def _observer_fractions(self) -> ObserverFractions:
-        G, Gm = (
-            nonzero(as_fraction(undelayed(block)[0], name), name)
-            for block, name in ((self.process, "process"), (self.model, "model"))
-        )
-        F = filter_fraction(self.filter)
-        if F.relative_degree < Gm.relative_degree:
-            raise ValueError(
-                f"filter has relative degree {F.relative_degree}, model has "
-                f"{Gm.relative_degree}: F/model is not causal; use a filter of order "
-                f"{Gm.relative_degree} or more"
-            )
-        return ObserverFractions(G, Gm, F)
-
-    @property
-    def delay(self) -> float:
-        """Dead time θ of the process, in seconds."""
-        return undelayed(self.process)[1]
-
-    @property
-    def model_delay(self) -> float:
-        """Dead time θm of the model, in seconds; θ where only rounding keeps them apart."""
-        _, found = undelayed(self.model)
-        return self.delay if abs(found - self.delay) <= SAME_DELAY * found else found
-
-    @cached_property
-    def one_minus_F(self) -> QuasiPolynomial:
-        """Numerator Df - Nf exp(-θm s) of 1 - F, or of 1 - F exp(-θm s) in a delayed model."""
-        # Both constant coefficients are exactly 1, so 1 - F keeps its zero at s = 0 exactly. Those
-        # of its next powers that are only rounding are zeros of the same kind.
-        num, den = self._observer_fractions.F
-        scale = add(np.abs(den), np.abs(num))
-        if wait := self.model_delay:
-            origin = _zeros_of_difference(den, num, wait)
-            return QuasiPolynomial(den, -num, wait, scale, origin=origin)
-        difference = add(den, -num)
-        used = np.flatnonzero(np.abs(difference) > TYPED_IN * scale)
-        difference[used[-1] + 1 :] = 0.0
-        return QuasiPolynomial(difference, scale=scale)
-
-    @cached_property
-    def built(self) -> BuiltFactors:
-        """Factors of the blocks F/Gm and (1 - F) Gm as they are built."""
-        num, den, filter_num = (self._factors[name] for name in ("Nm", "Dm", "Nf"))
-        gz, Nm, Nf = _shared(num, filter_num, keep=self.keep_factors)
-        gp, Dm, E = _shared(den, self.one_minus_F, keep=self.keep_factors)
-        return BuiltFactors(Nm, Nf, Dm, E, gz, gp)
-
-    @cached_property
-    def p_B(self) -> QuasiPolynomial:
-        """Characteristic function of the observer loop, without what cancels inside its blocks."""
-        G, built = self._observer_fractions.G, self.built
-        power = built.E.divided  # of which the terms hold s only together
-        waiting = [((G.den, built.Nm.q, p), delay) for p, delay in built.E.terms]
-        loop = (G.num, built.Dm.lifted(power).q, built.Nf.q), self.delay
-        return _sum_of_products(*waiting, loop, origin=power).over_s(power)
-
-    @cached_property
-    def condition_ii(self) -> Quotient:
-        """The open loop on which condition ii is counted: F H, or L.
-
-        With a pole on the axis or right of it that has cancelled inside (1 - F) Gm, 1 + FH has a
-        zero there, which is no root of the loop; 1 + L has none.
-        """
-        cancelled = self.built.poles
-        if not cancelled.degree:
-            return self.FH
-        return self.L if cancelled.zeros_at_origin or unstable_roots(cancelled).size else self.FH
-
-    @property
-    def ill_posed_observer_loop(self) -> str:
-        """Why the observer loop has no solution at infinite frequency; empty if well posed."""
-        G, _, F = self._observer_fractions
-        full = G.den.size + self.built.Nm.degree + F.den.size - 1 - self.built.poles.degree
-        if self.p_B.q.size - self.p_B.divided == full and self.p_B.q.any():
-            return ""
-        value = "1 - F(∞) = 0" if self.delay else "1 + F(∞)·H(∞) = 0"
-        return f"the observer loop is ill-posed: {value}; choose a filter with another F(∞)"
-
-    # Eq. (4): to the output y.
-
-    S_d = _Map("D Nm' E", "B", "Output disturbance d to output y, eq. (4): sensitivity of L.")
-    S_delta = _Map("Ne Nm' E", "B", "Input disturbance δ to output y, eq. (4).")
-    S_eta = _Map("-1 Ne Dm' Nf'", "B", "Measurement noise η to output y, eq. (4).")
-
-    # Eq. (7): to the error and to the control signal.
-
-    U_d = _Map("-1 D Dm' Nf'", "B", "Output disturbance d to controller output u, eq. (7).")
-    U_delta = _Map("D Nm' E", "B", "Input disturbance δ to plant input u + δ, eq. (7).")
-    U_eta = _Map("-1 D Dm' Nf'", "B", "Noise η to controller output u, eq. (7): same as `U_d`.")
-
-    # Blocks and open loops.
-
-    G = _Map("Ne", "D", "The process.")
-    Gm = _Map("Nme", "Dm", "The model G̃.")
-    F = _Map("Nf", "Df", "The filter.")
-    ratio = _Map("Ne Dm", "D Nm", "Process over model, G̃⁻¹G; the model without its dead time.")
-    H = _Map("mismatch", "D Nm", "Relative mismatch G/G̃ - 1 of Lemma 1, or G/G̃0 - exp(-θm s).")
-    FH = _Map("Nf' mismatch", "D Nm' Df", "Observer loop F H, condition ii of Lemmas 1 and 2.")
-    K = _Map("Nf' Dm'", "E Nm'", "All the feedback: F/((1 - F) G̃), or F/((1 - F exp(-θm s)) G̃0).")
-    L = _Map("Nf' Dm' Ne", "E Nm' D", "Plant loop L = K G, the loop that the plant itself sees.")
-
-    @cached_property
-    def _factors(self) -> dict[str, QuasiPolynomial]:
-        """Factors of the maps by name, as they are handed in; Ne and Nme wait."""
-        G, Gm, F = self._observer_fractions
-        nothing = np.zeros(1)
-        return {
-            "-1": QuasiPolynomial(-np.ones(1)),
-            "D": QuasiPolynomial(G.den),
-            "Nm": QuasiPolynomial(Gm.num),
-            "Dm": QuasiPolynomial(Gm.den),
-            "Nf": QuasiPolynomial(F.num),
-            "Df": QuasiPolynomial(F.den),
-            "Ne": QuasiPolynomial(nothing, G.num, self.delay),
-            "Nme": QuasiPolynomial(nothing, Gm.num, self.model_delay),
-        }
-
-    @cached_property
-    def _mismatch(self) -> QuasiPolynomial:
-        """Numerator of G/Gm0 - exp(-θm s)."""
-        G, Gm, _ = self._observer_fractions
-        return _sum_of_products(((-G.den, Gm.num), self.model_delay), ((G.num, Gm.den), self.delay))
-
-
 @dataclass(frozen=True, eq=False)
-class ObserverEquations(_ObserverMaps):
-    """Process, model and filter: the observer loop alone, which needs no controller.
-
-    Parameters
-    ----------
-    process, model, filter, keep_factors : as for `nrdob.NRDOB`
-        G, Gm and F, with the same refusals.
-
-    Examples
-    --------
-    >>> import control as ct
-    >>> from nrdob import LowPassFilter
-    >>> observer = ObserverEquations(ct.tf([2], [1, 1]), ct.tf([1], [1, 1]), LowPassFilter(0.5, 1))
-    >>> observer.p_B.q.tolist()                             # (s + 1)(0.5 s) + 2 (s + 1)
-    [0.5, 2.5, 2.0]
-    """
-
-    process: Any
-    model: Any
-    filter: Any
-    keep_factors: bool = False
-
-    def __post_init__(self) -> None:
-        _ = self.fractions
-
-
-@dataclass(frozen=True, eq=False)
-class LoopEquations(_ObserverMaps):
+class LoopEquations:
     """The four blocks of an NR-DOB loop and every map between its signals.
 
     Parameters
@@ -350,14 +176,79 @@ class LoopEquations(_ObserverMaps):
     @cached_property
     def fractions(self) -> LoopFractions:
         """Numerators and denominators of the blocks, without dead times."""
-        G, Gm, F = self._observer_fractions
+        G, Gm = (
+            nonzero(as_fraction(undelayed(block)[0], name), name)
+            for block, name in ((self.process, "process"), (self.model, "model"))
+        )
+        F = filter_fraction(self.filter)
+        if F.relative_degree < Gm.relative_degree:
+            raise ValueError(
+                f"filter has relative degree {F.relative_degree}, model has "
+                f"{Gm.relative_degree}: F/model is not causal; use a filter of order "
+                f"{Gm.relative_degree} or more"
+            )
         return LoopFractions(G, Gm, as_fraction(self.controller, "controller"), F)
+
+    @property
+    def delay(self) -> float:
+        """Dead time θ of the process, in seconds."""
+        return undelayed(self.process)[1]
+
+    @property
+    def model_delay(self) -> float:
+        """Dead time θm of the model, in seconds; θ where only rounding keeps them apart."""
+        _, found = undelayed(self.model)
+        return self.delay if abs(found - self.delay) <= SAME_DELAY * found else found
+
+    @cached_property
+    def one_minus_F(self) -> QuasiPolynomial:
+        """Numerator Df - Nf exp(-θm s) of 1 - F, or of 1 - F exp(-θm s) in a delayed model."""
+        # Both constant coefficients are exactly 1, so 1 - F keeps its zero at s = 0 exactly. Those
+        # of its next powers that are only rounding are zeros of the same kind.
+        num, den = self.fractions.F
+        scale = add(np.abs(den), np.abs(num))
+        if wait := self.model_delay:
+            origin = _zeros_of_difference(den, num, wait)
+            return QuasiPolynomial(den, -num, wait, scale, origin=origin)
+        difference = add(den, -num)
+        used = np.flatnonzero(np.abs(difference) > TYPED_IN * scale)
+        difference[used[-1] + 1 :] = 0.0
+        return QuasiPolynomial(difference, scale=scale)
+
+    @cached_property
+    def built(self) -> BuiltFactors:
+        """Factors of the blocks F/Gm and (1 - F) Gm as they are built."""
+        num, den, filter_num = (self._factors[name] for name in ("Nm", "Dm", "Nf"))
+        gz, Nm, Nf = _shared(num, filter_num, keep=self.keep_factors)
+        gp, Dm, E = _shared(den, self.one_minus_F, keep=self.keep_factors)
+        return BuiltFactors(Nm, Nf, Dm, E, gz, gp)
 
     @cached_property
     def p_A(self) -> QuasiPolynomial:
         """Characteristic polynomial of the model loop, Dm Dc + Nm Nc."""
         _, Gm, C, _ = self.fractions
         return _sum_of_products(((Gm.den, C.den), 0.0), ((Gm.num, C.num), 0.0))
+
+    @cached_property
+    def p_B(self) -> QuasiPolynomial:
+        """Characteristic function of the observer loop, without what cancels inside its blocks."""
+        G, built = self.fractions.G, self.built
+        power = built.E.divided  # of which the terms hold s only together
+        waiting = [((G.den, built.Nm.q, p), delay) for p, delay in built.E.terms]
+        loop = (G.num, built.Dm.lifted(power).q, built.Nf.q), self.delay
+        return _sum_of_products(*waiting, loop, origin=power).over_s(power)
+
+    @cached_property
+    def condition_ii(self) -> Quotient:
+        """The open loop on which condition ii is counted: F H, or L.
+
+        With a pole on the axis or right of it that has cancelled inside (1 - F) Gm, 1 + FH has a
+        zero there, which is no root of the loop; 1 + L has none.
+        """
+        cancelled = self.built.poles
+        if not cancelled.degree:
+            return self.FH
+        return self.L if cancelled.zeros_at_origin or unstable_roots(cancelled).size else self.FH
 
     @property
     def ill_posed_model_loop(self) -> str:
@@ -368,20 +259,92 @@ class LoopEquations(_ObserverMaps):
         return "the model loop is ill-posed: 1 + C(∞)·model(∞) = 0; change the controller"
 
     @property
+    def ill_posed_observer_loop(self) -> str:
+        """Why the observer loop has no solution at infinite frequency; empty if well posed."""
+        G, _, _, F = self.fractions
+        full = G.den.size + self.built.Nm.degree + F.den.size - 1 - self.built.poles.degree
+        if self.p_B.q.size - self.p_B.divided == full and self.p_B.q.any():
+            return ""
+        value = "1 - F(∞) = 0" if self.delay else "1 + F(∞)·H(∞) = 0"
+        return f"the observer loop is ill-posed: {value}; choose a filter with another F(∞)"
+
+    @property
     def ill_posed(self) -> str:
         """Why the loop has no solution at infinite frequency; empty if it is well posed."""
         return self.ill_posed_model_loop or self.ill_posed_observer_loop
 
+    # Eq. (4): to the output y.
+
     T_R = _Map("Nc Ne Nm' Dm' Df", "A B", "Reference R to output y, eq. (4).")
+    S_d = _Map("D Nm' E", "B", "Output disturbance d to output y, eq. (4): sensitivity of L.")
+    S_delta = _Map("Ne Nm' E", "B", "Input disturbance δ to output y, eq. (4).")
+    S_eta = _Map("-1 Ne Dm' Nf'", "B", "Measurement noise η to output y, eq. (4).")
+
+    # Eq. (7): to the error and to the control signal.
+
     E_R = _Map("Dm Dc", "A", "Reference R to error e, eq. (7), which collapses to 1/(1 + Gm C).")
     U_R = _Map("Nc D Nm' Dm' Df", "A B", "Reference R to controller output u, eq. (7).")
+    U_d = _Map("-1 D Dm' Nf'", "B", "Output disturbance d to controller output u, eq. (7).")
+    U_delta = _Map("D Nm' E", "B", "Input disturbance δ to plant input u + δ, eq. (7).")
+    U_eta = _Map("-1 D Dm' Nf'", "B", "Noise η to controller output u, eq. (7): same as `U_d`.")
+
+    # Blocks and open loops.
+
+    G = _Map("Ne", "D", "The process.")
+    Gm = _Map("Nme", "Dm", "The model G̃.")
     C = _Map("Nc", "Dc", "The controller.")
+    F = _Map("Nf", "Df", "The filter.")
+    ratio = _Map("Ne Dm", "D Nm", "Process over model, G̃⁻¹G; the model without its dead time.")
     CGm = _Map("Nc Nm", "Dc Dm", "Model loop C G̃, condition i; the model without its dead time.")
+    H = _Map("mismatch", "D Nm", "Relative mismatch G/G̃ - 1 of Lemma 1, or G/G̃0 - exp(-θm s).")
+    FH = _Map("Nf' mismatch", "D Nm' Df", "Observer loop F H, condition ii of Lemmas 1 and 2.")
+    K = _Map("Nf' Dm'", "E Nm'", "All the feedback: F/((1 - F) G̃), or F/((1 - F exp(-θm s)) G̃0).")
+    L = _Map("Nf' Dm' Ne", "E Nm' D", "Plant loop L = K G, the loop that the plant itself sees.")
 
     @cached_property
     def _factors(self) -> dict[str, QuasiPolynomial]:
-        C = self.fractions.C
-        return super()._factors | {"Nc": QuasiPolynomial(C.num), "Dc": QuasiPolynomial(C.den)}
+        """Factors of the maps by name, as they are handed in; Ne and Nme wait."""
+        G, Gm, C, F = self.fractions
+        nothing = np.zeros(1)
+        return {
+            "-1": QuasiPolynomial(-np.ones(1)),
+            "D": QuasiPolynomial(G.den),
+            "Nm": QuasiPolynomial(Gm.num),
+            "Dm": QuasiPolynomial(Gm.den),
+            "Nc": QuasiPolynomial(C.num),
+            "Dc": QuasiPolynomial(C.den),
+            "Nf": QuasiPolynomial(F.num),
+            "Df": QuasiPolynomial(F.den),
+            "Ne": QuasiPolynomial(nothing, G.num, self.delay),
+            "Nme": QuasiPolynomial(nothing, Gm.num, self.model_delay),
+        }
+
+    @cached_property
+    def _mismatch(self) -> QuasiPolynomial:
+        """Numerator of G/Gm0 - exp(-θm s)."""
+        G, Gm, _, _ = self.fractions
+        return _sum_of_products(((-G.den, Gm.num), self.model_delay), ((G.num, Gm.den), self.delay))
+
+
+class ObserverEquations(LoopEquations):
+    """Process, model and filter alone: condition ii does not depend on the controller, here 0.
+
+    Parameters
+    ----------
+    process, model, filter, keep_factors : as for `nrdob.NRDOB`
+        G, Gm and F, with the same refusals.
+
+    Examples
+    --------
+    >>> import control as ct
+    >>> from nrdob import LowPassFilter
+    >>> observer = ObserverEquations(ct.tf([2], [1, 1]), ct.tf([1], [1, 1]), LowPassFilter(0.5, 1))
+    >>> observer.p_B.q.tolist()                             # (s + 1)(0.5 s) + 2 (s + 1)
+    [0.5, 2.5, 2.0]
+    """
+
+    def __init__(self, process: Any, model: Any, filter: Any, keep_factors: bool = False) -> None:
+        super().__init__(process, model, 0.0, filter, keep_factors)
 
 
 def _shared(model: QuasiPolynomial, filter: QuasiPolynomial, *, keep: bool) -> Shared:

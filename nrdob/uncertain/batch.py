@@ -23,13 +23,7 @@ from typing import Any, NamedTuple
 import control as ct
 import numpy as np
 
-from ..diagram import (
-    DelayedTransferFunction,
-    LoopEquations,
-    ObserverEquations,
-    as_fraction,
-    undelayed,
-)
+from ..diagram import DelayedTransferFunction, LoopEquations, as_fraction, undelayed
 from ..numerics import (
     ROUNDING,
     BoolArray,
@@ -117,7 +111,7 @@ def _read(block: Any) -> tuple[tuple[FloatArray, FloatArray], float]:
 class Feedback:
     """All of a loop that does not depend on the plant."""
 
-    def __init__(self, loop: LoopEquations | ObserverEquations) -> None:
+    def __init__(self, loop: LoopEquations) -> None:
         self.K = loop.K
         # Of what is multiplied with denominator and numerator of the plant.
         self.sizes = [
