@@ -12,22 +12,10 @@ from .simulation import SimulatedResponse
 from .verdict import SampledStability
 
 __all__ = [
-    "ActuatorLimits",
-    "ControllerCode",
-    "HeldProcess",
-    "SampledLoop",
-    "SampledStability",
-    "Section",
-    "Signal",
-    "SimulatedResponse",
-    "external_signals",
-    "held_in_w",
-    "in_samples",
-    "largest_sampling_time",
-    "limited",
-    "process_in_w",
-    "sample_times",
-]
+    "ActuatorLimits", "ControllerCode", "HeldProcess", "SampledLoop", "SampledStability", "Section",
+    "Signal", "SimulatedResponse", "external_signals", "held_in_w", "in_samples",
+    "largest_sampling_time", "limited", "process_in_w", "sample_times",
+]  # fmt: skip
 
 
 def __dir__() -> list[str]:

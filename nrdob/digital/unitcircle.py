@@ -35,14 +35,9 @@ from ..numerics import (
 from .bilinear import MULTIPLIED_OUT
 
 __all__ = [
-    "CircleFunction",
-    "Group",
-    "Product",
-    "TurnCount",
-    "count_outside",
-    "multiplied_out",
+    "CircleFunction", "Group", "Product", "TurnCount", "count_outside", "multiplied_out",
     "resolved",
-]
+]  # fmt: skip
 
 TURN = 0.6  # how far a function may get within half an interval, against its own size
 

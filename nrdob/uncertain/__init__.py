@@ -7,23 +7,10 @@ from .smallgain import Conservatism, SmallGain, conservatism, fit_weight, small_
 from .sweeping import Share, SweepTable, sweep
 
 __all__ = [
-    "Box",
-    "Conservatism",
-    "IntervalShares",
-    "PlantFamily",
-    "Share",
-    "SmallGain",
-    "SweepTable",
-    "conservatism",
-    "delay_intervals",
-    "fit_weight",
-    "gain_intervals",
-    "interval_plants",
-    "largest_box",
-    "plant_family",
-    "small_gain",
-    "sweep",
-]
+    "Box", "Conservatism", "IntervalShares", "PlantFamily", "Share", "SmallGain", "SweepTable",
+    "conservatism", "delay_intervals", "fit_weight", "gain_intervals", "interval_plants",
+    "largest_box", "plant_family", "small_gain", "sweep",
+]  # fmt: skip
 
 
 def __dir__() -> list[str]:
