@@ -29,9 +29,6 @@ __all__ = ["ClosedLoop", "Recursion", "first_unstable"]
 ENTERING = ("R", "d", "eta", "delta", "delta a sample earlier")
 """The external inputs, δ behind the dead time of the process."""
 
-Rows = tuple[FloatArray, FloatArray, FloatArray]
-"""Rows of signals over states, inputs and decisions."""
-
 SHARP = 10.0  # how much more a local maximum may rise between values than it does over them
 STILL = 1e-9  # rate of change, against what u and δ would cause, that is rounding
 
@@ -96,9 +93,8 @@ class ClosedLoop:
         for held, (now, before) in ((process, late_u), (self._disturbed, late_delta)):
             renewed_x += np.outer(held.B0, now) + np.outer(held.B1, before)
         renewed = [renewed_x, *[applied, *past][: process.memory], renewed_own]
-        self.recursion = Recursion(
-            *self._split(np.vstack(renewed)), *self.rows(["read", "u"] if rounds else ["u"])
-        )
+        by_states = np.split(np.vstack(renewed), self._cuts, axis=1)
+        self.recursion = Recursion(*by_states, *self.rows(["read", "u"] if rounds else ["u"]))
 
     @property
     def A(self) -> FloatArray:
@@ -119,13 +115,14 @@ class ClosedLoop:
         B = self.recursion.B[:, eta] + self.recursion.G @ direct
         return self.A, B, C + H @ proposed, D[:, eta] + H @ direct
 
-    def rows(self, names: Sequence[str]) -> Rows:
-        """Write signals as rows: "x" (of the process), "d", "y", "read" (y with noise), "measured".
+    def rows(self, names: Sequence[str]) -> list[FloatArray]:
+        """Write signals as rows over states, inputs and decisions: three matrices.
 
-        The latter is rounded; and "u", "d_hat", and "felt", u and δ as the process receives them at
-        the end of a sample and at its beginning.
+        Signals are "x" (of the process), "d", "y", "read" (y with noise), "measured" (what is
+        rounded of it), "u", "d_hat", and "felt", u and δ as the process receives them at the end of
+        a sample and at its beginning.
         """
-        return self._split(np.vstack([self._signals[name] for name in names]))
+        return np.split(np.vstack([self._signals[name] for name in names]), self._cuts, axis=1)
 
     def output_after(self, time: float, x: FloatArray, felt: FloatArray) -> FloatArray:
         """Compute the output, without d, some seconds after N samples; after a jump where it jumps.
@@ -173,10 +170,6 @@ class ClosedLoop:
         measured = read(float(process.C @ x) + process.D * (u + delta) + d + eta)
         past = np.full(process.memory, u)
         return np.concatenate([x, past, self._controller.start(R, measured, u)]), measured
-
-    def _split(self, rows: FloatArray) -> Rows:
-        by_state, by_input, by_decision = np.split(rows, self._cuts, axis=1)
-        return by_state, by_input, by_decision
 
 
 def first_unstable(

@@ -207,21 +207,16 @@ def tracking(controller: SampledController, time: float) -> float:
         )
     slope = last.b2 / last.a1 if last.order == 2 else last.b1
     share = controller.dt / time / (slope * prod(section.rest for section in others))
-    if (size := _while_limited(controller, share)) >= 1:
+    A, B, C, _ = controller.blocks["C"]
+    # While the actuator stays at its limit; with z - 1 for eigenvalues: beside 1 digits are lost.
+    moved = A - np.eye(B.size) - share / controller.factor * np.outer(B, C)
+    if (size := float(np.abs(1 + np.linalg.eigvals(moved)).max())) >= 1:
         raise ValueError(
             f"tracking_time is {time:g} s; with it C would become unstable while u is limited "
             f"(a root z of modulus {size:.4g}), since it has more than an integrator: choose a "
             "longer one, or leave it out"
         )
     return share
-
-
-def _while_limited(controller: SampledController, share: float) -> float:
-    """Largest modulus of a root z of C with tracking, while the actuator stays at its limit."""
-    A, B, C, _ = controller.blocks["C"]
-    # With z - 1 for eigenvalues: beside 1 digits would be lost.
-    moved = A - np.eye(B.size) - share / controller.factor * np.outer(B, C)
-    return float(np.abs(1 + np.linalg.eigvals(moved)).max())
 
 
 @cache

@@ -30,9 +30,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..numerics import FloatArray
-from .sections import Section, at_rest, bilinear_sections, state_space
+from .sections import at_rest, bilinear_sections, state_space
 
-__all__ = ["ModelDelay", "SampledController", "sampled_controller"]
+__all__ = ["ModelDelay", "SampledController"]
 
 SINGULAR = 1e-12  # size of the factor of u[k], against its terms, at which it is 0
 
@@ -66,11 +66,13 @@ class SampledController:
     In each sample it computes ``u = C @ x + D @ (r, y)``, writes it, and then renews its states
     with what has been applied, ``x = A @ x + B @ (r, y, applied)``. Its blocks are "C", "F" (of
     which there are two copies, one of u and one of y), "F/Gm" and "(1-F)Gm" (for a model with dead
-    time "Gm", the model without it).
+    time "Gm", the model without it). It is made of their numerators and denominators, given as
+    factors in descending powers of w, α = dt/2. A block with a pole at z = ∞, or a diagram without
+    solution for u[k], raises a ValueError.
 
     Attributes
     ----------
-    dt, delay : float, ModelDelay
+    delay, dt : ModelDelay, float
     sections, blocks : dict of str
         The blocks by name: as sections, and each as one state space.
     inner : str
@@ -90,10 +92,16 @@ class SampledController:
     """
 
     def __init__(
-        self, dt: float, sections: Mapping[str, tuple[Section, ...]], delay: ModelDelay
+        self,
+        factors: Mapping[str, tuple[Sequence[FloatArray], Sequence[FloatArray]]],
+        delay: ModelDelay,
+        dt: float,
     ) -> None:
-        self.dt, self.sections, self.delay = dt, sections, delay
-        self.blocks = {name: state_space(cascade) for name, cascade in sections.items()}
+        self.delay, self.dt = delay, dt
+        self.sections = {
+            name: bilinear_sections(*block, dt / 2, name) for name, block in factors.items()
+        }
+        self.blocks = {name: state_space(cascade) for name, cascade in self.sections.items()}
         self.inner = "Gm" if delay else "(1-F)Gm"
         names = {"C": "C", "F u": "F", "F y": "F", "F/Gm": "F/Gm", self.inner: self.inner}
         copies = {copy: self.blocks[name] for copy, name in names.items()}
@@ -115,8 +123,14 @@ class SampledController:
         command = output("C", error) + filtered - explained  # with what u[k] adds to itself
         self.estimate = explained - filtered
         self.factor = float(1 - command[-1])
-        with np.errstate(all="ignore"):  # without solution for u[k] it is refused
-            self.C, self.D = command[:n] / self.factor, command[n:-1] / self.factor
+        C, F, inner = (self.blocks[name].D for name in ("C", "F", self.inner))
+        if abs(self.factor) < SINGULAR * (1 + abs(F) + abs(C * inner)):
+            raise ValueError(
+                f"the sampled loop is ill-posed: u[k] stands on both sides of the diagram with the "
+                f"same factor, (1 - F)(1 + C·model) = {self.factor:.3g} at z = ∞; choose another "
+                "dt or another controller gain"
+            )
+        self.C, self.D = command[:n] / self.factor, command[n:-1] / self.factor
 
         inputs = {"C": error, "F u": late, "F y": y, "F/Gm": y, self.inner: entering}
         renewed = [
@@ -143,26 +157,3 @@ class SampledController:
         yf = output("F y", "F", y, y) + output(self.inner, self.inner, entering, 0.0)
         output("C", "C", r - yf, u + estimate)
         return np.concatenate([found[name] for name in self.rows])
-
-
-def sampled_controller(
-    factors: Mapping[str, tuple[Sequence[FloatArray], Sequence[FloatArray]]],
-    delay: ModelDelay,
-    dt: float,
-) -> SampledController:
-    """Sample the blocks and solve the diagram for u[k].
-
-    Numerators and denominators are given as factors, in descending powers of w, α = dt/2, under the
-    names of `SampledController.sections`. A block with a pole at z = ∞, or a diagram without
-    solution for u[k], raises a ValueError.
-    """
-    sections = {name: bilinear_sections(*block, dt / 2, name) for name, block in factors.items()}
-    found = SampledController(dt, sections, delay)
-    C, F, inner = (found.blocks[name].D for name in ("C", "F", found.inner))
-    if abs(found.factor) < SINGULAR * (1 + abs(F) + abs(C * inner)):
-        raise ValueError(
-            f"the sampled loop is ill-posed: u[k] stands on both sides of the diagram with the "
-            f"same factor, (1 - F)(1 + C·model) = {found.factor:.3g} at z = ∞; choose another dt "
-            "or another controller gain"
-        )
-    return found

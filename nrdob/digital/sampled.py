@@ -18,7 +18,7 @@ from .actuatorlimits import ActuatorLimits, limited, rounded
 from .bilinear import after_samples, delay_in_w, held_blocks, held_in_w
 from .closedloop import ClosedLoop
 from .code import ControllerCode, tracking
-from .controller import ModelDelay, SampledController, sampled_controller
+from .controller import ModelDelay, SampledController
 from .hold import HeldProcess, checked_times, held_process, in_samples
 from .margins import sampled_margins
 from .noise import sampled_noise_variance
@@ -98,7 +98,7 @@ class SampledLoop:
             factors["Gm"] = [Gm.num], [Gm.den]
         else:
             factors["(1-F)Gm"] = [E, Gm.num], [F.den, Dm]
-        return sampled_controller(factors, self.model_delay, self.dt)
+        return SampledController(factors, self.model_delay, self.dt)
 
     @cached_property
     def closed_loop(self) -> ClosedLoop:
