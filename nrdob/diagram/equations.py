@@ -305,19 +305,13 @@ class LoopEquations:
     def _factors(self) -> dict[str, QuasiPolynomial]:
         """Factors of the maps by name, as they are handed in; Ne and Nme wait."""
         G, Gm, C, F = self.fractions
-        nothing = np.zeros(1)
-        return {
-            "-1": QuasiPolynomial(-np.ones(1)),
-            "D": QuasiPolynomial(G.den),
-            "Nm": QuasiPolynomial(Gm.num),
-            "Dm": QuasiPolynomial(Gm.den),
-            "Nc": QuasiPolynomial(C.num),
-            "Dc": QuasiPolynomial(C.den),
-            "Nf": QuasiPolynomial(F.num),
-            "Df": QuasiPolynomial(F.den),
-            "Ne": QuasiPolynomial(nothing, G.num, self.delay),
-            "Nme": QuasiPolynomial(nothing, Gm.num, self.model_delay),
-        }
+        given = {
+            "-1": -np.ones(1), "D": G.den, "Nm": Gm.num, "Dm": Gm.den,
+            "Nc": C.num, "Dc": C.den, "Nf": F.num, "Df": F.den,
+        }  # fmt: skip
+        waiting = {"Ne": (G.num, self.delay), "Nme": (Gm.num, self.model_delay)}
+        late = {name: QuasiPolynomial(np.zeros(1), *term) for name, term in waiting.items()}
+        return {name: QuasiPolynomial(p) for name, p in given.items()} | late
 
     @cached_property
     def _mismatch(self) -> QuasiPolynomial:

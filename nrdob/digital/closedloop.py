@@ -177,12 +177,8 @@ def first_unstable(
 ) -> tuple[float, float] | None:
     """Bracket the first value of a parameter at which a loop is unstable; at the lowest it is not.
 
-    Parameters
-    ----------
-    excess : callable
-        Gives the spectral radius, less 1, at a value.
-    values : (N,) array
-        The values looked at, increasing; between them a local maximum is, where it may reach 0.
+    `excess` gives the spectral radius, less 1, at a value; `values`, increasing, are looked at, and
+    between them each local maximum that may reach 0.
     """
     seen: list[float] = []
     for k, value in enumerate(values.tolist()):

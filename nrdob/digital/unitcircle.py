@@ -221,11 +221,9 @@ def _certified(function: CircleFunction, *, dominance: bool) -> _Certified:
             touched = float(middle[zero][0])
         wide = (mark == OPEN) & ~zero
         done.append((low[~wide], high[~wide], mark[~wide]))
-        low, high = (
-            np.concatenate([low[wide], middle[wide]]),
-            np.concatenate([middle[wide], high[wide]]),
-        )
         total += middle.size
+        low, middle, high = low[wide], middle[wide], high[wide]
+        low, high = np.concatenate([low, middle]), np.concatenate([middle, high])
         if total > MOST:
             raise ArithmeticError(
                 "the sampled loop turns too often on the unit circle to be followed: the dead "
