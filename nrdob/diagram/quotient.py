@@ -10,14 +10,7 @@ from typing import Any
 import control as ct
 import numpy as np
 
-from ..numerics import (
-    ComplexArray,
-    FloatArray,
-    QuasiPolynomial,
-    multiply,
-    shared_factor,
-    written,
-)
+from ..numerics import ComplexArray, FloatArray, QuasiPolynomial, multiply, shared_factor, written
 from .blocks import Fraction, as_fraction
 from .delay import undelayed
 from .filters import unstable_pole
