@@ -321,12 +321,17 @@ class LoopEquations:
 
 
 class ObserverEquations(LoopEquations):
-    """Process, model and filter alone: condition ii does not depend on the controller, here 0.
+    """Process, model and filter alone: condition ii does not depend on the controller.
 
     Parameters
     ----------
     process, model, filter, keep_factors : as for `nrdob.NRDOB`
         G, Gm and F, with the same refusals.
+
+    Attributes
+    ----------
+    controller : float
+        0.
 
     Examples
     --------
