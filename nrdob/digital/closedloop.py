@@ -63,8 +63,8 @@ class ClosedLoop:
         tracking: float = 0.0,
         rounds: bool = False,
     ) -> None:
-        self._controller, self._process = controller, process
-        self._disturbed = disturbed or process
+        self._controller, self.process = controller, process
+        self.disturbed = disturbed or process
         ends = np.cumsum([process.B.size, process.memory, controller.states]).tolist()
         self._cuts = [ends[-1], ends[-1] + len(ENTERING)]
         unit = np.eye(self._cuts[-1] + 1 + rounds)
@@ -90,7 +90,7 @@ class ClosedLoop:
                 controller.blocks["C"].B, tracking * (applied - u)
             )
         renewed_x = process.Ad @ x
-        for held, (now, before) in ((process, late_u), (self._disturbed, late_delta)):
+        for held, (now, before) in ((process, late_u), (self.disturbed, late_delta)):
             renewed_x += np.outer(held.B0, now) + np.outer(held.B1, before)
         renewed = [renewed_x, *[applied, *past][: process.memory], renewed_own]
         by_states = np.split(np.vstack(renewed), self._cuts, axis=1)
@@ -129,10 +129,10 @@ class ClosedLoop:
 
         `x` and `felt` are those of `rows`, shapes (n, N) and (4, N).
         """
-        process = self._process
+        process = self.process
         Phi, Gamma = process.transition(time)
         x, direct = Phi @ x, np.zeros(x.shape[1])
-        for held, (now, before) in ((process, felt[:2]), (self._disturbed, felt[2:])):
+        for held, (now, before) in ((process, felt[:2]), (self.disturbed, felt[2:])):
             jump = held.fraction * held.dt
             arrived = time >= jump - WHOLE * held.dt
             direct += now if arrived else before
@@ -147,7 +147,7 @@ class ClosedLoop:
         Before the first sample δ is 0, or `at_rest` what it is at first.
         """
         R, d, delta, eta = external.T
-        before = np.full(self._disturbed.samples + 1, delta[0] if at_rest else 0.0)
+        before = np.full(self.disturbed.samples + 1, delta[0] if at_rest else 0.0)
         late = np.concatenate([before, delta])
         return np.column_stack([R, d, eta, late[1 : delta.size + 1], late[: delta.size]])
 
@@ -158,7 +158,7 @@ class ClosedLoop:
 
         `external` holds R, d, δ and η. A process that integrates u + δ has none: ValueError.
         """
-        process, (R, d, delta, eta) = self._process, external.tolist()
+        process, (R, d, delta, eta) = self.process, external.tolist()
         x = np.linalg.lstsq(process.A, -process.B * (u + delta), rcond=None)[0]
         left = process.A @ x + process.B * (u + delta)
         size = np.abs(process.B).max(initial=0.0) * (abs(u) + abs(delta))

@@ -153,10 +153,8 @@ class SampledLoop:
         control.TimeResponseData
             As there; u is what the hold puts out, for "delta" the input of the process u + δ.
         """
-        return sampled_step_response(
-            self.controller, self.process, self._disturbed, input, timepts,
-            self._stability.spectral_radius,
-        )  # fmt: skip
+        loop = ClosedLoop(self.controller, self.process, self._disturbed)
+        return sampled_step_response(loop, input, timepts, self._stability.spectral_radius)
 
     def noise_variance(self, shaping: Any = None) -> NoiseVariance:
         """Compute the variances of y and u at the samples, for noise η added to each y read.

@@ -27,7 +27,6 @@ from ..diagram import INPUTS, real_number
 from ..numerics import BoolArray, FloatArray
 from .actuatorlimits import Rule
 from .closedloop import ClosedLoop, Recursion
-from .controller import SampledController
 from .hold import WHOLE, HeldProcess
 from .signals import EXTERNAL
 
@@ -113,12 +112,7 @@ def simulated(
 
 
 def sampled_step_response(
-    controller: SampledController,
-    process: HeldProcess,
-    disturbed: HeldProcess,
-    input: str,
-    timepts: ArrayLike | None,
-    spectral_radius: float,
+    loop: ClosedLoop, input: str, timepts: ArrayLike | None, spectral_radius: float
 ) -> ct.TimeResponseData:
     """Respond to a unit step at t = 0, all signals zero before: see `SampledLoop.step_response`.
 
@@ -127,15 +121,14 @@ def sampled_step_response(
     """
     if input not in INPUTS:
         raise ValueError(f"input is {input!r}; choose one of {', '.join(INPUTS)}")
-    dt = process.dt
-    times = _step_times(timepts, process, spectral_radius)
+    dt = loop.process.dt
+    times = _step_times(timepts, loop.process, spectral_radius)
     samples = int(times[-1] / dt * (1 + WHOLE)) + 2
     if samples > MOST_SAMPLES:
         raise ValueError(
             f"timepts end at {times[-1]:g} s, {samples} samples of dt = {dt:g} s; at most "
             f"{MOST_SAMPLES} are computed: shorten timepts"
         )
-    loop = ClosedLoop(controller, process, disturbed)
     external = np.zeros((samples, 4))
     external[:, (*EXTERNAL, "eta").index(input)] = 1.0
     entering = loop.entering(external, at_rest=False)
@@ -153,7 +146,7 @@ def sampled_step_response(
             at = which == i
             y[at] += loop.output_after(offset, x[:, k[at]], felt[:, k[at]])
     # u reaches the process after the time of computation.
-    late = np.floor((times - process.delay + disturbed.delay) / dt + WHOLE).astype(int)
+    late = np.floor((times - loop.process.delay + loop.disturbed.delay) / dt + WHOLE).astype(int)
     u = np.where(late >= 0, found.decisions[np.maximum(late, 0), 0], 0.0) + (input == "delta")
     outputs = np.stack([y, u])
     outputs[~np.isfinite(outputs)] = np.nan
