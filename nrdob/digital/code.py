@@ -26,7 +26,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from ..diagram import real_number
-from .actuatorlimits import ActuatorLimits
+from .actuatorlimits import ActuatorLimits, Rule, limited
 from .controller import SampledController
 from .sections import Section
 
@@ -88,6 +88,11 @@ class ControllerCode:
     controller: SampledController
     limits: ActuatorLimits
     tracking: float = 0.0
+
+    @property
+    def rule(self) -> Rule:
+        """How the actuator makes of a command what it applies."""
+        return limited(self.limits, self.controller.dt)
 
     def to_c(self, name: str = "nrdob", dtype: str = "double") -> str:
         """Write one small C99 file: no allocation, limits and anti-windup inside.

@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike
 from ..analysis import Margins, NoiseVariance
 from ..diagram import Fraction, LoopEquations, six_digits, undelayed
 from ..numerics import FloatArray
-from .actuatorlimits import ActuatorLimits, limited, rounded
+from .actuatorlimits import ActuatorLimits, rounded
 from .bilinear import after_samples, delay_in_w, held_blocks, held_in_w
 from .closedloop import ClosedLoop
 from .code import ControllerCode, tracking
@@ -22,7 +22,7 @@ from .controller import ModelDelay, SampledController
 from .hold import HeldProcess, checked_times, held_process, in_samples
 from .margins import sampled_margins
 from .noise import sampled_noise_variance
-from .signals import Signal, external_signals, sample_times
+from .signals import Signal, external_signals
 from .simulation import SimulatedResponse, sampled_step_response, simulated
 from .unitcircle import CircleFunction, Product
 from .verdict import SampledStability, sampled_stability
@@ -269,9 +269,8 @@ class SampledLoop:
             choices = ", ".join(OBSERVER_INPUTS)
             raise ValueError(f"observer_input is {observer_input!r}; choose one of {choices}")
         code = self.code(limits, tracking_time=tracking_time)
-        time = sample_times(timepts, inputs, noise, self.dt)
-        external = external_signals(inputs, noise, time, seed)
-        rules = [limited(code.limits, self.dt)]
+        time, external = external_signals(inputs, noise, timepts, self.dt, seed)
+        rules = [code.rule]
         if resolution is not None:
             rules.insert(0, rounded(resolution))
         loop = ClosedLoop(
