@@ -14,14 +14,9 @@ from .diagram import DelayedTransferFunction
 from .drives import TwoMasses
 
 __all__ = [
-    "antiresonance",
-    "heated_air",
-    "lags",
-    "motor_position",
-    "motor_speed",
-    "resonance",
+    "antiresonance", "heated_air", "lags", "motor_position", "motor_speed", "resonance",
     "two_masses",
-]
+]  # fmt: skip
 
 
 def lags(*time_constants: float, gain: float = 1.0) -> ct.TransferFunction:

@@ -46,12 +46,9 @@ from ..numerics import is_whole
 from ..uncertain import gain_intervals
 
 __all__ = [
-    "adrc_chart",
-    "adrc_filters",
-    "adrc_stabilizing_bandwidths",
-    "adrc_stabilizing_gains",
+    "adrc_chart", "adrc_filters", "adrc_stabilizing_bandwidths", "adrc_stabilizing_gains",
     "linear_adrc",
-]
+]  # fmt: skip
 
 DECADE_AND_MORE = 20.0  # ratio of the ends of an axis of the chart, at least: both are logarithmic
 

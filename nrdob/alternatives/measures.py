@@ -114,12 +114,12 @@ def step_peak(loop: LoopEquations) -> float:
     last = step_response(loop, "d").time[-1]
     # A slow end must not hide a fast beginning.
     times = last * np.union1d(np.linspace(0, 1, EVENLY), np.geomspace(EARLIEST, 1, EVENLY))
-    size = np.abs(step_response(loop, "d", times).outputs[1, 0])
-    largest = np.nanmax(size)
-    for _ in range(CLOSER):
+    largest = 0.0
+    for _ in range(1 + CLOSER):
+        size = np.abs(step_response(loop, "d", times).outputs[1, 0])
         k = int(np.nanargmax(size))
+        largest = max(largest, float(size[k]))
         if k == 0:
             break
         times = np.linspace(times[k - 1], times[min(k + 1, times.size - 1)], ACROSS)
-        size = np.abs(step_response(loop, "d", times).outputs[1, 0])
-    return float(max(largest, np.nanmax(size)))
+    return largest

@@ -183,7 +183,7 @@ def _real(values: ArrayLike, name: str, remedy: str) -> FloatArray:
 
 def _prepared(loop: LoopEquations, input: str, horizon: float, integrals: int = 1) -> Solver:
     """Prepare y and u up to a horizon, for as many sets of times as are asked for."""
-    jumps = np.array([quotient.at_once for quotient in maps(loop, input)])
+    jumps = np.array([quotient.at_infinity[0] for quotient in maps(loop, input)])
     solver = cache(lambda way, attempt: way(loop, input, horizon, integrals, attempt))
 
     def solve(times: FloatArray) -> FloatArray:

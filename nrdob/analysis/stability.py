@@ -242,7 +242,7 @@ def judge_observer(
     return observer_stability(ObserverEquations(process, model, filter, keep_factors))
 
 
-def observer_stability(loop: ObserverEquations | LoopEquations) -> LoopStability:
+def observer_stability(loop: LoopEquations) -> LoopStability:
     """Judge condition ii of Lemma 1 for equations that are already there."""
     counted = loop.condition_ii
     name = {"FH": "F H (ii)", "L": "L (ii)"}[counted.name]
@@ -253,7 +253,7 @@ def observer_stability(loop: ObserverEquations | LoopEquations) -> LoopStability
     return replace(found, reason=reason + _cancelled(loop))
 
 
-def _held_at_origin(loop: ObserverEquations | LoopEquations) -> str:
+def _held_at_origin(loop: LoopEquations) -> str:
     """Explain p_B(0) = D(0) Nm(0) E(0) + N(0) Dm(0) = 0."""
     integrators, kept = -loop.Gm.zeros_at_origin, loop.built.Dm.zeros_at_origin
     waits = " exp(-θm s)" if loop.model_delay else ""
@@ -277,7 +277,7 @@ def _held_at_origin(loop: ObserverEquations | LoopEquations) -> str:
     return "for every filter: the process has a zero there, which no feedback moves"
 
 
-def _cancelled(loop: ObserverEquations | LoopEquations) -> str:
+def _cancelled(loop: LoopEquations) -> str:
     """Name, after a reason, what has cancelled inside a block, and what rests on rounding."""
     notes = []
     waits = loop.model_delay > 0

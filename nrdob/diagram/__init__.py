@@ -11,31 +11,12 @@ from .noise import rational_power
 from .quotient import Quotient, as_quotient, as_shaping
 
 __all__ = [
-    "CLOSED_LOOP",
-    "INPUTS",
-    "MAPS",
-    "DelayedTransferFunction",
-    "FilterFamily",
-    "Fraction",
-    "LoopEquations",
-    "LowPassFilter",
-    "ObserverEquations",
-    "Quotient",
-    "as_family",
-    "as_fraction",
-    "as_quotient",
-    "as_shaping",
-    "delay",
-    "filter_family",
-    "filter_fraction",
-    "interpolating_filter",
-    "is_number",
-    "nonzero",
-    "rational_power",
-    "real_number",
-    "six_digits",
+    "CLOSED_LOOP", "INPUTS", "MAPS", "DelayedTransferFunction", "FilterFamily", "Fraction",
+    "LoopEquations", "LowPassFilter", "ObserverEquations", "Quotient", "as_family", "as_fraction",
+    "as_quotient", "as_shaping", "delay", "filter_family", "filter_fraction",
+    "interpolating_filter", "is_number", "nonzero", "rational_power", "real_number", "six_digits",
     "undelayed",
-]
+]  # fmt: skip
 
 
 def __dir__() -> list[str]:

@@ -172,16 +172,19 @@ def _read(system: Any, name: str) -> tuple[FloatArray, FloatArray]:
         num, den = system.num_array[0, 0], system.den_array[0, 0]
     elif isinstance(system, ct.StateSpace | signal.StateSpace):
         return polynomials(system, name)
-    elif isinstance(system, signal.TransferFunction):
+    elif isinstance(system, signal.TransferFunction | signal.ZerosPolesGain):
+        system = system.to_tf()
         num, den = system.num, system.den
-    elif isinstance(system, signal.ZerosPolesGain):
-        num, den = system.gain * np.poly(system.zeros), np.poly(system.poles)
     elif is_number(system):
         num, den = [system], [1.0]
     elif isinstance(system, tuple | list | np.ndarray) and len(system) == 2:
         num, den = system
     else:
-        raise TypeError(_refusal(system, name))
+        kind = type(system)
+        remedy = REMEDIES.get(kind.__name__, ACCEPTED)
+        if kind.__module__.startswith("sympy"):
+            remedy = f"turn it into numbers first; {ACCEPTED}"
+        raise TypeError(f"{name} is a {kind.__name__}; {remedy}")
     return _coefficients(num, f"{name} numerator"), _coefficients(den, f"{name} denominator")
 
 
@@ -196,15 +199,6 @@ def _check_siso(name: str, inputs: int, outputs: int, dt: Any, continuous: bool)
             f"{name} is discrete-time (dt={dt}); this analysis is in continuous time: pass the "
             "continuous-time block"
         )
-
-
-def _refusal(system: Any, name: str) -> str:
-    kind = type(system)
-    if kind.__module__.startswith("sympy"):
-        remedy = f"turn it into numbers first; {ACCEPTED}"
-    else:
-        remedy = REMEDIES.get(kind.__name__, ACCEPTED)
-    return f"{name} is a {kind.__name__}; {remedy}"
 
 
 def _coefficients(values: Any, name: str) -> FloatArray:

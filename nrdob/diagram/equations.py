@@ -100,7 +100,7 @@ from .delay import undelayed
 from .filters import TYPED_IN, filter_fraction
 from .quotient import Quotient
 
-__all__ = ["LoopEquations", "LoopFractions", "ObserverEquations", "ObserverFractions"]
+__all__ = ["LoopEquations", "LoopFractions", "ObserverEquations"]
 
 MADE = {
     "Nm'": attrgetter("built.Nm"),
@@ -114,14 +114,6 @@ MADE = {
 """Factors of the maps that are not made before they are asked for."""
 
 SAME_DELAY = 4 * float(np.finfo(float).eps)  # of two dead times: 0.1 + 0.2 is not 0.3
-
-
-class ObserverFractions(NamedTuple):
-    """Numerators and denominators of the blocks of an observer: process, model, filter."""
-
-    G: Fraction
-    Gm: Fraction
-    F: Fraction
 
 
 class BuiltFactors(NamedTuple):
@@ -162,21 +154,28 @@ class _Map(cached_property[Quotient]):
         return Quotient(num, den, self.attrname or "")
 
 
-class _ObserverMaps:
-    """What does not depend on the controller: condition ii, and all the feedback there is."""
+@dataclass(frozen=True, eq=False)
+class LoopEquations:
+    """The four blocks of an NR-DOB loop and every map between its signals.
+
+    Parameters
+    ----------
+    process, model, controller, filter, keep_factors : as for `nrdob.NRDOB`
+        G, Gm, C and F, with the same refusals.
+    """
 
     process: Any
     model: Any
+    controller: Any
     filter: Any
-    keep_factors: bool
+    keep_factors: bool = False
+
+    def __post_init__(self) -> None:
+        _ = self.fractions
 
     @cached_property
-    def fractions(self) -> ObserverFractions | LoopFractions:
+    def fractions(self) -> LoopFractions:
         """Numerators and denominators of the blocks, without dead times."""
-        return self._observer_fractions
-
-    @cached_property
-    def _observer_fractions(self) -> ObserverFractions:
         G, Gm = (
             nonzero(as_fraction(undelayed(block)[0], name), name)
             for block, name in ((self.process, "process"), (self.model, "model"))
@@ -188,7 +187,7 @@ class _ObserverMaps:
                 f"{Gm.relative_degree}: F/model is not causal; use a filter of order "
                 f"{Gm.relative_degree} or more"
             )
-        return ObserverFractions(G, Gm, F)
+        return LoopFractions(G, Gm, as_fraction(self.controller, "controller"), F)
 
     @property
     def delay(self) -> float:
@@ -206,7 +205,7 @@ class _ObserverMaps:
         """Numerator Df - Nf exp(-θm s) of 1 - F, or of 1 - F exp(-θm s) in a delayed model."""
         # Both constant coefficients are exactly 1, so 1 - F keeps its zero at s = 0 exactly. Those
         # of its next powers that are only rounding are zeros of the same kind.
-        num, den = self._observer_fractions.F
+        num, den = self.fractions.F
         scale = add(np.abs(den), np.abs(num))
         if wait := self.model_delay:
             origin = _zeros_of_difference(den, num, wait)
@@ -229,9 +228,15 @@ class _ObserverMaps:
         return _shared(self._factors["Nm"], self._factors["Nf"], keep=self.keep_factors)
 
     @cached_property
+    def p_A(self) -> QuasiPolynomial:
+        """Characteristic polynomial of the model loop, Dm Dc + Nm Nc."""
+        _, Gm, C, _ = self.fractions
+        return _sum_of_products(((Gm.den, C.den), 0.0), ((Gm.num, C.num), 0.0))
+
+    @cached_property
     def p_B(self) -> QuasiPolynomial:
         """Characteristic function of the observer loop, without what cancels inside its blocks."""
-        G, built = self._observer_fractions.G, self.built
+        G, built = self.fractions.G, self.built
         power = built.E.divided  # of which the terms hold s only together
         waiting = [((G.den, built.Nm.q, p), delay) for p, delay in built.E.terms]
         loop = (G.num, built.Dm.lifted(power).q, built.Nf.q), self.delay
@@ -250,23 +255,39 @@ class _ObserverMaps:
         return self.L if cancelled.zeros_at_origin or unstable_roots(cancelled).size else self.FH
 
     @property
+    def ill_posed_model_loop(self) -> str:
+        """Why the model loop has no solution at infinite frequency; empty if well posed."""
+        _, Gm, C, _ = self.fractions
+        if self.p_A.degree == Gm.den.size + C.den.size - 2 and self.p_A.q.any():
+            return ""
+        return "the model loop is ill-posed: 1 + C(∞)·model(∞) = 0; change the controller"
+
+    @property
     def ill_posed_observer_loop(self) -> str:
         """Why the observer loop has no solution at infinite frequency; empty if well posed."""
-        G, _, F = self._observer_fractions
+        G, _, _, F = self.fractions
         full = G.den.size + self.built.Nm.degree + F.den.size - 1 - self.built.poles.degree
         if self.p_B.q.size - self.p_B.divided == full and self.p_B.q.any():
             return ""
         value = "1 - F(∞) = 0" if self.delay else "1 + F(∞)·H(∞) = 0"
         return f"the observer loop is ill-posed: {value}; choose a filter with another F(∞)"
 
+    @property
+    def ill_posed(self) -> str:
+        """Why the loop has no solution at infinite frequency; empty if it is well posed."""
+        return self.ill_posed_model_loop or self.ill_posed_observer_loop
+
     # Eq. (4): to the output y.
 
+    T_R = _Map("Nc Ne Nm' Dm' Df", "A B", "Reference R to output y, eq. (4).")
     S_d = _Map("D Nm' E", "B", "Output disturbance d to output y, eq. (4): sensitivity of L.")
     S_delta = _Map("Ne Nm' E", "B", "Input disturbance δ to output y, eq. (4).")
     S_eta = _Map("-1 Ne Dm' Nf'", "B", "Measurement noise η to output y, eq. (4).")
 
     # Eq. (7): to the error and to the control signal.
 
+    E_R = _Map("Dm Dc", "A", "Reference R to error e, eq. (7), which collapses to 1/(1 + Gm C).")
+    U_R = _Map("Nc D Nm' Dm' Df", "A B", "Reference R to controller output u, eq. (7).")
     U_d = _Map("-1 D Dm' Nf'", "B", "Output disturbance d to controller output u, eq. (7).")
     U_delta = _Map("D Nm' E", "B", "Input disturbance δ to plant input u + δ, eq. (7).")
     U_eta = _Map("-1 D Dm' Nf'", "B", "Noise η to controller output u, eq. (7): same as `U_d`.")
@@ -275,8 +296,10 @@ class _ObserverMaps:
 
     G = _Map("Ne", "D", "The process.")
     Gm = _Map("Nme", "Dm", "The model G̃.")
+    C = _Map("Nc", "Dc", "The controller.")
     F = _Map("Nf", "Df", "The filter.")
     ratio = _Map("Ne Dm", "D Nm", "Process over model, G̃⁻¹G; the model without its dead time.")
+    CGm = _Map("Nc Nm", "Dc Dm", "Model loop C G̃, condition i; the model without its dead time.")
     H = _Map("mismatch", "D Nm", "Relative mismatch G/G̃ - 1 of Lemma 1, or G/G̃0 - exp(-θm s).")
     FH = _Map("Nf' mismatch", "D Nm' Df", "Observer loop F H, condition ii of Lemmas 1 and 2.")
     K = _Map("Nf' Dm'", "E Nm'", "All the feedback: F/((1 - F) G̃), or F/((1 - F exp(-θm s)) G̃0).")
@@ -285,34 +308,34 @@ class _ObserverMaps:
     @cached_property
     def _factors(self) -> dict[str, QuasiPolynomial]:
         """Factors of the maps by name, as they are handed in; Ne and Nme wait."""
-        G, Gm, F = self._observer_fractions
-        nothing = np.zeros(1)
-        return {
-            "-1": QuasiPolynomial(-np.ones(1)),
-            "D": QuasiPolynomial(G.den),
-            "Nm": QuasiPolynomial(Gm.num),
-            "Dm": QuasiPolynomial(Gm.den),
-            "Nf": QuasiPolynomial(F.num),
-            "Df": QuasiPolynomial(F.den),
-            "Ne": QuasiPolynomial(nothing, G.num, self.delay),
-            "Nme": QuasiPolynomial(nothing, Gm.num, self.model_delay),
-        }
+        G, Gm, C, F = self.fractions
+        given = {
+            "-1": -np.ones(1), "D": G.den, "Nm": Gm.num, "Dm": Gm.den,
+            "Nc": C.num, "Dc": C.den, "Nf": F.num, "Df": F.den,
+        }  # fmt: skip
+        waiting = {"Ne": (G.num, self.delay), "Nme": (Gm.num, self.model_delay)}
+        late = {name: QuasiPolynomial(np.zeros(1), *term) for name, term in waiting.items()}
+        return {name: QuasiPolynomial(p) for name, p in given.items()} | late
 
     @cached_property
     def _mismatch(self) -> QuasiPolynomial:
         """Numerator of G/Gm0 - exp(-θm s)."""
-        G, Gm, _ = self._observer_fractions
+        G, Gm, _, _ = self.fractions
         return _sum_of_products(((-G.den, Gm.num), self.model_delay), ((G.num, Gm.den), self.delay))
 
 
-@dataclass(frozen=True, eq=False)
-class ObserverEquations(_ObserverMaps):
-    """Process, model and filter: the observer loop alone, which needs no controller.
+class ObserverEquations(LoopEquations):
+    """Process, model and filter alone: condition ii does not depend on the controller.
 
     Parameters
     ----------
     process, model, filter, keep_factors : as for `nrdob.NRDOB`
         G, Gm and F, with the same refusals.
+
+    Attributes
+    ----------
+    controller : float
+        0.
 
     Examples
     --------
@@ -323,69 +346,8 @@ class ObserverEquations(_ObserverMaps):
     [0.5, 2.5, 2.0]
     """
 
-    process: Any
-    model: Any
-    filter: Any
-    keep_factors: bool = False
-
-    def __post_init__(self) -> None:
-        _ = self.fractions
-
-
-@dataclass(frozen=True, eq=False)
-class LoopEquations(_ObserverMaps):
-    """The four blocks of an NR-DOB loop and every map between its signals.
-
-    Parameters
-    ----------
-    process, model, controller, filter, keep_factors : as for `nrdob.NRDOB`
-        G, Gm, C and F, with the same refusals.
-    """
-
-    process: Any
-    model: Any
-    controller: Any
-    filter: Any
-    keep_factors: bool = False
-
-    def __post_init__(self) -> None:
-        _ = self.fractions
-
-    @cached_property
-    def fractions(self) -> LoopFractions:
-        """Numerators and denominators of the blocks, without dead times."""
-        G, Gm, F = self._observer_fractions
-        return LoopFractions(G, Gm, as_fraction(self.controller, "controller"), F)
-
-    @cached_property
-    def p_A(self) -> QuasiPolynomial:
-        """Characteristic polynomial of the model loop, Dm Dc + Nm Nc."""
-        _, Gm, C, _ = self.fractions
-        return _sum_of_products(((Gm.den, C.den), 0.0), ((Gm.num, C.num), 0.0))
-
-    @property
-    def ill_posed_model_loop(self) -> str:
-        """Why the model loop has no solution at infinite frequency; empty if well posed."""
-        _, Gm, C, _ = self.fractions
-        if self.p_A.degree == Gm.den.size + C.den.size - 2 and self.p_A.q.any():
-            return ""
-        return "the model loop is ill-posed: 1 + C(∞)·model(∞) = 0; change the controller"
-
-    @property
-    def ill_posed(self) -> str:
-        """Why the loop has no solution at infinite frequency; empty if it is well posed."""
-        return self.ill_posed_model_loop or self.ill_posed_observer_loop
-
-    T_R = _Map("Nc Ne Nm' Dm' Df", "A B", "Reference R to output y, eq. (4).")
-    E_R = _Map("Dm Dc", "A", "Reference R to error e, eq. (7), which collapses to 1/(1 + Gm C).")
-    U_R = _Map("Nc D Nm' Dm' Df", "A B", "Reference R to controller output u, eq. (7).")
-    C = _Map("Nc", "Dc", "The controller.")
-    CGm = _Map("Nc Nm", "Dc Dm", "Model loop C G̃, condition i; the model without its dead time.")
-
-    @cached_property
-    def _factors(self) -> dict[str, QuasiPolynomial]:
-        C = self.fractions.C
-        return super()._factors | {"Nc": QuasiPolynomial(C.num), "Dc": QuasiPolynomial(C.den)}
+    def __init__(self, process: Any, model: Any, filter: Any, keep_factors: bool = False) -> None:
+        super().__init__(process, model, 0.0, filter, keep_factors)
 
 
 def _shared(model: QuasiPolynomial, filter: QuasiPolynomial, *, keep: bool) -> Shared:

@@ -116,11 +116,7 @@ class FilterFamily:
 
 
 def filter_family(
-    kind: str,
-    order: int | None = None,
-    *,
-    ramp: int | None = None,
-    model: Any = None,
+    kind: str, order: int | None = None, *, ramp: int | None = None, model: Any = None
 ) -> FilterFamily:
     r"""Give a family of filters, to be taken wherever the order of eq. (1) is.
 

@@ -95,12 +95,15 @@ def _power(num: tuple[QuasiPolynomial, ...], den: tuple[QuasiPolynomial, ...]) -
 
     power = max(top.divided, bottom.divided)
     above, below = top.lifted(power), bottom.lifted(power)  # the terms without powers of 1/s
-    if below.more or above.more or (above.delay and above.q.any()):
-        return _turning_power(above, den, below, density)
     num_alone = above.r if above.delay else above.q  # a dead time alone changes no size
-    if not below.delay:
+    several = below.more or above.more or (above.delay and above.q.any())
+    if not (several or below.delay):
         return rational_power(num_alone, below.q)
-    return _delayed_power(num_alone, den, below, density)
+    edges = np.unique(np.concatenate([frequency_segments(factor) for factor in den]))
+    body = _integral(density, edges, 0.0).real
+    if several:
+        return _turning_power(above, below, density, edges, body)
+    return _delayed_power(num_alone, below, float(edges[-1]), body)
 
 
 def rational_power(num: FloatArray, den: FloatArray) -> float:
@@ -132,21 +135,16 @@ def rational_power(num: FloatArray, den: FloatArray) -> float:
     return float(power)
 
 
-def _delayed_power(
-    num: FloatArray, den: tuple[QuasiPolynomial, ...], product: QuasiPolynomial, density: Density
-) -> float:
-    top = QuasiPolynomial(num)
-    q, r = QuasiPolynomial(product.q), QuasiPolynomial(product.r)
+def _delayed_power(num: FloatArray, den: QuasiPolynomial, end: float, body: float) -> float:
+    """Add to the integral up to a frequency what is beyond it: W, and X beside the axis."""
+    top, q, r = QuasiPolynomial(num), QuasiPolynomial(den.q), QuasiPolynomial(den.r)
 
     def rational(s: ComplexArray) -> ComplexArray:
         return np.asarray(top(s) / q(s) * top(-s) / q(-s) / (1 - r(s) / q(s) * (r(-s) / q(-s))))
 
     def turning(s: ComplexArray) -> ComplexArray:
-        delayed = r(s) / q(s) * np.exp(-product.delay * s)
+        delayed = r(s) / q(s) * np.exp(-den.delay * s)
         return np.asarray(-rational(s) * delayed / (1 + delayed))
-
-    edges = _segments(den)
-    end, body = edges[-1], _integral(density, edges, 0.0).real
 
     def beside(x: FloatArray) -> ComplexArray:  # s = j end + end x/(1 - x)
         return np.asarray(turning(1j * end + end * x / (1 - x)) * end / (1 - x) ** 2)
@@ -156,14 +154,11 @@ def _delayed_power(
 
 
 def _turning_power(
-    top: QuasiPolynomial,
-    den: tuple[QuasiPolynomial, ...],
-    product: QuasiPolynomial,
-    density: Density,
+    top: QuasiPolynomial, den: QuasiPolynomial, density: Density, edges: FloatArray, body: float
 ) -> float:
-    """Integrate with several dead times, until their turning averages out."""
-    lead = QuasiPolynomial(product.q)
-    delays = sorted({delay for p in (top, product) for _, delay in p.terms})
+    """Integrate with several dead times further than `edges`, until their turning averages out."""
+    lead = QuasiPolynomial(den.q)
+    delays = sorted({delay for p in (top, den) for _, delay in p.terms})
     beats = np.diff(delays)
 
     def mean(s: ComplexArray) -> FloatArray:
@@ -173,14 +168,12 @@ def _turning_power(
     def turning(omega: float) -> float:
         """Bound of the integral beyond of what turns: once around, and what two turns leave."""
         s = np.array([1j * omega])
-        late = sum(float(np.abs(np.polyval(p, s) / lead(s))[0]) for p, _ in product.delayed)
+        late = sum(float(np.abs(np.polyval(p, s) / lead(s))[0]) for p, _ in den.delayed)
         sizes = [float(np.abs(np.polyval(p, s) / lead(s))[0]) for p, _ in top.terms]
         once = sum(sizes) ** 2 - sum(size**2 for size in sizes) + 2 * late * sum(sizes) ** 2
         twice = 3 * late**2 * sum(sizes) ** 2 / max(1 - late, 1e-3) ** 2
         return once * min(4 / float(beats.min()), omega) + twice * omega
 
-    edges = _segments(den)
-    body = _integral(density, edges, 0.0).real
     step = pi / delays[-1]
     while turning(edges[-1]) > TOLERANCE * body:
         count = max(int(edges[-1] / step), 1)
@@ -197,10 +190,6 @@ def _turning_power(
 def _beyond(f: Callable[[ComplexArray], NDArray[Any]], end: float, besides: float) -> float:
     """Integrate over the frequencies ω = end/x from `end` on."""
     return _integral(lambda x: f(1j * (end / x)) * end / x**2, UNIT, besides).real
-
-
-def _segments(den: tuple[QuasiPolynomial, ...]) -> FloatArray:
-    return np.unique(np.concatenate([frequency_segments(factor) for factor in den]))
 
 
 def _integral(

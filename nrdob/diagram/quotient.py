@@ -10,15 +10,7 @@ from typing import Any
 import control as ct
 import numpy as np
 
-from ..numerics import (
-    ROUNDING,
-    ComplexArray,
-    FloatArray,
-    QuasiPolynomial,
-    multiply,
-    shared_factor,
-    written,
-)
+from ..numerics import ComplexArray, FloatArray, QuasiPolynomial, multiply, shared_factor, written
 from .blocks import Fraction, as_fraction
 from .delay import undelayed
 from .filters import unstable_pole
@@ -85,28 +77,19 @@ class Quotient:
     def at_infinity(self) -> tuple[float, float]:
         """The a and b of the limit a + b exp(-jωθ) over an undelayed denominator.
 
-        Infinite for an improper map. With several dead times b is the sum of the sizes.
+        Infinite for an improper map. With several dead times b is the sum of the sizes. A unit step
+        makes the output jump by a at t = 0.
         """
-        if not self.delay:
-            return self.at_once, 0.0
         num, den = self.numerator, self.denominator
-        limits = []
-        for part, _ in num.delayed:
-            excess = part.size - num.divided - den.q.size + den.divided
-            limits.append(0.0 if excess < 0 else inf if excess else float(part[0] / den.q[0]))
-        return self.at_once, sum(map(abs, limits)) if len(limits) > 1 else sum(limits)
 
-    @property
-    def at_once(self) -> float:
-        """The a of `at_infinity`: what a unit step makes the output jump by at t = 0."""
-        degrees = [sum(f.q.size - 1 - f.divided for f in fs) for fs in (self.num, self.den)]
-        excess = degrees[0] - degrees[1]
-        if excess < 0 or not all(f.q.any() for f in self.num):
-            return 0.0
-        if excess or not all(f.q.any() for f in self.den):
-            return inf
-        top, bottom = (prod(float(f.q[0]) for f in fs) for fs in (self.num, self.den))
-        return top / bottom
+        def limit(part: FloatArray) -> float:
+            excess = part.size - num.divided - den.q.size + den.divided
+            if excess < 0 or not part.any():
+                return 0.0
+            return inf if excess or not den.q.any() else float(part[0] / den.q[0])
+
+        at_once, *late = (limit(part) for part, _ in num.terms)
+        return at_once, sum(map(abs, late)) if len(late) > 1 else sum(late)
 
     def __call__(self, s: complex | ComplexArray) -> Any:
         """Evaluate at complex `s`, a number or an array; infinite at poles, the limit at 0/0."""
@@ -286,19 +269,7 @@ class Quotient:
         num, den = list(self.num), list(self.den)
         for i, j in np.ndindex(len(num), len(den)):
             _, num[i], den[j] = shared_factor(num[i], den[j])
-        lowest = Quotient(tuple(num), tuple(den))
-        kept = lowest if self._agrees_with(lowest) else self
-        return ct.tf(kept.numerator.q, kept.denominator.q)
-
-    def _agrees_with(self, other: Quotient) -> bool:
-        """Compare with a quotient in lowest order, along the axis where anything happens."""
-        roots = np.concatenate([f.without_origin.roots for f in self.num + self.den])
-        sizes = np.abs(roots) if roots.size else np.ones(1)
-        s = 1j * np.unique(np.outer([0.01, 0.5, 0.9, 0.999, 1.1, 2.0, 100.0], sizes))
-        with np.errstate(all="ignore"):
-            sizes = sum(f.size(s) / np.abs(f(s)) for f in self.num + self.den)
-            allowed = 1e-9 + ROUNDING * sizes
-            return not np.any(np.abs(other(s) / self(s) - 1) > allowed)
+        return ct.tf(multiply(*num).q, multiply(*den).q)
 
 
 def as_quotient(system: Any, name: str) -> Quotient:

@@ -95,9 +95,8 @@ def _polynomials(name: str, n: int, *parts: tuple[float, ...]) -> tuple[FloatArr
         [Exact(v, a**k) for k, v in enumerate(den)],
     )
     try:
-        read = [np.array([float(value) for value in part]) for part in exact]
-        lost = any(v and not f for p, q in zip(exact, read, strict=True)
-                   for v, f in zip(p, q.tolist(), strict=True))  # fmt: skip
+        read = [np.array(part, dtype=float) for part in exact]
+        lost = list(map(np.count_nonzero, read)) != list(map(np.count_nonzero, exact))
     except OverflowError:
         lost = True
     if lost:

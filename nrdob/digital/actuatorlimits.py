@@ -70,12 +70,6 @@ class Rule:
 def limited(limits: ActuatorLimits, dt: float) -> Rule:
     """Give the rule of an actuator, `apply(command, before)`: rate first, then range.
 
-    Parameters
-    ----------
-    limits : ActuatorLimits
-    dt : float
-        Sampling time in seconds.
-
     Examples
     --------
     >>> rule = limited(ActuatorLimits(-1, 1, rate=10), 0.05)

@@ -29,9 +29,6 @@ __all__ = ["ClosedLoop", "Recursion", "first_unstable"]
 ENTERING = ("R", "d", "eta", "delta", "delta a sample earlier")
 """The external inputs, δ behind the dead time of the process."""
 
-Rows = tuple[FloatArray, FloatArray, FloatArray]
-"""Rows of signals over states, inputs and decisions."""
-
 SHARP = 10.0  # how much more a local maximum may rise between values than it does over them
 STILL = 1e-9  # rate of change, against what u and δ would cause, that is rounding
 
@@ -66,8 +63,8 @@ class ClosedLoop:
         tracking: float = 0.0,
         rounds: bool = False,
     ) -> None:
-        self._controller, self._process = controller, process
-        self._disturbed = disturbed or process
+        self._controller, self.process = controller, process
+        self.disturbed = disturbed or process
         ends = np.cumsum([process.B.size, process.memory, controller.states]).tolist()
         self._cuts = [ends[-1], ends[-1] + len(ENTERING)]
         unit = np.eye(self._cuts[-1] + 1 + rounds)
@@ -93,12 +90,11 @@ class ClosedLoop:
                 controller.blocks["C"].B, tracking * (applied - u)
             )
         renewed_x = process.Ad @ x
-        for held, (now, before) in ((process, late_u), (self._disturbed, late_delta)):
+        for held, (now, before) in ((process, late_u), (self.disturbed, late_delta)):
             renewed_x += np.outer(held.B0, now) + np.outer(held.B1, before)
         renewed = [renewed_x, *[applied, *past][: process.memory], renewed_own]
-        self.recursion = Recursion(
-            *self._split(np.vstack(renewed)), *self.rows(["read", "u"] if rounds else ["u"])
-        )
+        by_states = np.split(np.vstack(renewed), self._cuts, axis=1)
+        self.recursion = Recursion(*by_states, *self.rows(["read", "u"] if rounds else ["u"]))
 
     @property
     def A(self) -> FloatArray:
@@ -119,23 +115,24 @@ class ClosedLoop:
         B = self.recursion.B[:, eta] + self.recursion.G @ direct
         return self.A, B, C + H @ proposed, D[:, eta] + H @ direct
 
-    def rows(self, names: Sequence[str]) -> Rows:
-        """Write signals as rows: "x" (of the process), "d", "y", "read" (y with noise), "measured".
+    def rows(self, names: Sequence[str]) -> list[FloatArray]:
+        """Write signals as rows over states, inputs and decisions: three matrices.
 
-        The latter is rounded; and "u", "d_hat", and "felt", u and δ as the process receives them at
-        the end of a sample and at its beginning.
+        Signals are "x" (of the process), "d", "y", "read" (y with noise), "measured" (what is
+        rounded of it), "u", "d_hat", and "felt", u and δ as the process receives them at the end of
+        a sample and at its beginning.
         """
-        return self._split(np.vstack([self._signals[name] for name in names]))
+        return np.split(np.vstack([self._signals[name] for name in names]), self._cuts, axis=1)
 
     def output_after(self, time: float, x: FloatArray, felt: FloatArray) -> FloatArray:
         """Compute the output, without d, some seconds after N samples; after a jump where it jumps.
 
         `x` and `felt` are those of `rows`, shapes (n, N) and (4, N).
         """
-        process = self._process
+        process = self.process
         Phi, Gamma = process.transition(time)
         x, direct = Phi @ x, np.zeros(x.shape[1])
-        for held, (now, before) in ((process, felt[:2]), (self._disturbed, felt[2:])):
+        for held, (now, before) in ((process, felt[:2]), (self.disturbed, felt[2:])):
             jump = held.fraction * held.dt
             arrived = time >= jump - WHOLE * held.dt
             direct += now if arrived else before
@@ -150,7 +147,7 @@ class ClosedLoop:
         Before the first sample δ is 0, or `at_rest` what it is at first.
         """
         R, d, delta, eta = external.T
-        before = np.full(self._disturbed.samples + 1, delta[0] if at_rest else 0.0)
+        before = np.full(self.disturbed.samples + 1, delta[0] if at_rest else 0.0)
         late = np.concatenate([before, delta])
         return np.column_stack([R, d, eta, late[1 : delta.size + 1], late[: delta.size]])
 
@@ -161,7 +158,7 @@ class ClosedLoop:
 
         `external` holds R, d, δ and η. A process that integrates u + δ has none: ValueError.
         """
-        process, (R, d, delta, eta) = self._process, external.tolist()
+        process, (R, d, delta, eta) = self.process, external.tolist()
         x = np.linalg.lstsq(process.A, -process.B * (u + delta), rcond=None)[0]
         left = process.A @ x + process.B * (u + delta)
         size = np.abs(process.B).max(initial=0.0) * (abs(u) + abs(delta))
@@ -174,22 +171,14 @@ class ClosedLoop:
         past = np.full(process.memory, u)
         return np.concatenate([x, past, self._controller.start(R, measured, u)]), measured
 
-    def _split(self, rows: FloatArray) -> Rows:
-        by_state, by_input, by_decision = np.split(rows, self._cuts, axis=1)
-        return by_state, by_input, by_decision
-
 
 def first_unstable(
     excess: Callable[[float], float], values: FloatArray
 ) -> tuple[float, float] | None:
     """Bracket the first value of a parameter at which a loop is unstable; at the lowest it is not.
 
-    Parameters
-    ----------
-    excess : callable
-        Gives the spectral radius, less 1, at a value.
-    values : (N,) array
-        The values looked at, increasing; between them a local maximum is, where it may reach 0.
+    `excess` gives the spectral radius, less 1, at a value; `values`, increasing, are looked at, and
+    between them each local maximum that may reach 0.
     """
     seen: list[float] = []
     for k, value in enumerate(values.tolist()):

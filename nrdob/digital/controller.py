@@ -26,14 +26,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
 
 from ..numerics import FloatArray
-from .sections import Section, StateSpace, at_rest, bilinear_sections, state_space
+from .sections import at_rest, bilinear_sections, state_space
 
-__all__ = ["ModelDelay", "SampledController", "sampled_controller"]
+__all__ = ["ModelDelay", "SampledController"]
 
 SINGULAR = 1e-12  # size of the factor of u[k], against its terms, at which it is 0
 
@@ -61,74 +60,84 @@ class ModelDelay:
         return [(1 - self.fraction, self.samples), *later]
 
 
-@dataclass(frozen=True, eq=False)
 class SampledController:
     """All that the processor does from (r, y, applied u) to u.
 
     In each sample it computes ``u = C @ x + D @ (r, y)``, writes it, and then renews its states
     with what has been applied, ``x = A @ x + B @ (r, y, applied)``. Its blocks are "C", "F" (of
     which there are two copies, one of u and one of y), "F/Gm" and "(1-F)Gm" (for a model with dead
-    time "Gm", the model without it).
+    time "Gm", the model without it). It is made of their numerators and denominators, given as
+    factors in descending powers of w, α = dt/2. A block with a pole at z = ∞, or a diagram without
+    solution for u[k], raises a ValueError.
+
+    Attributes
+    ----------
+    delay, dt : ModelDelay, float
+    sections, blocks : dict of str
+        The blocks by name: as sections, and each as one state space.
+    inner : str
+        Name of the block between u and yf: "(1-F)Gm" or "Gm".
+    rows : dict of str: slice
+        Which states belong to "C", "F u", "F y", "F/Gm", "(1-F)Gm" or "Gm"; and to "past", the past
+        inputs that a model with dead time keeps, youngest first.
+    states : int
+        Number of states.
+    factor : float
+        1 - F∞ + C∞ M∞, the factor of u[k] in the diagram.
+    A, B, C, D : arrays of float, shapes (n, n), (n, 3), (n,), (2,)
+        How the states are renewed from the states and (r, y, applied u); u from the states and
+        (r, y).
+    estimate : array of float, shape (n+3,)
+        The estimate of the disturbance at the input over (states, r, y, applied u).
     """
 
-    dt: float
-    sections: Mapping[str, tuple[Section, ...]]
-    delay: ModelDelay
+    def __init__(
+        self,
+        factors: Mapping[str, tuple[Sequence[FloatArray], Sequence[FloatArray]]],
+        delay: ModelDelay,
+        dt: float,
+    ) -> None:
+        self.delay, self.dt = delay, dt
+        self.sections = {
+            name: bilinear_sections(*block, dt / 2, name) for name, block in factors.items()
+        }
+        self.blocks = {name: state_space(cascade) for name, cascade in self.sections.items()}
+        self.inner = "Gm" if delay else "(1-F)Gm"
+        names = {"C": "C", "F u": "F", "F y": "F", "F/Gm": "F/Gm", self.inner: self.inner}
+        copies = {copy: self.blocks[name] for copy, name in names.items()}
+        ends = np.cumsum([0, *(copy.B.size for copy in copies.values()), delay.memory]).tolist()
+        self.rows = dict(zip([*copies, "past"], map(slice, ends[:-1], ends[1:]), strict=True))
+        self.states = n = int(ends[-1])
+        unit = np.eye(n + 3)  # every signal is a row over the states, r, y and the u applied
+        r, y, u = unit[n:]
+        past = unit[self.rows["past"]]
 
-    @cached_property
-    def blocks(self) -> dict[str, StateSpace]:
-        """The blocks by name, each as one state space."""
-        return {name: state_space(cascade) for name, cascade in self.sections.items()}
+        def output(copy: str, signal: FloatArray) -> FloatArray:
+            own = unit[self.rows[copy]]
+            return np.asarray(copies[copy].C @ own + copies[copy].D * signal)
 
-    @property
-    def inner(self) -> str:
-        """Name of the block between u and yf: "(1-F)Gm" or "Gm"."""
-        return "Gm" if self.delay else "(1-F)Gm"
+        late: FloatArray = sum(weight * [u, *past][age] for weight, age in delay.terms)
+        filtered, explained = output("F u", late), output("F/Gm", y)
+        entering = u - filtered if delay else u
+        error = r - output("F y", y) - output(self.inner, entering)
+        command = output("C", error) + filtered - explained  # with what u[k] adds to itself
+        self.estimate = explained - filtered
+        self.factor = float(1 - command[-1])
+        C, F, inner = (self.blocks[name].D for name in ("C", "F", self.inner))
+        if abs(self.factor) < SINGULAR * (1 + abs(F) + abs(C * inner)):
+            raise ValueError(
+                f"the sampled loop is ill-posed: u[k] stands on both sides of the diagram with the "
+                f"same factor, (1 - F)(1 + C·model) = {self.factor:.3g} at z = ∞; choose another "
+                "dt or another controller gain"
+            )
+        self.C, self.D = command[:n] / self.factor, command[n:-1] / self.factor
 
-    @cached_property
-    def factor(self) -> float:
-        """1 - F∞ + C∞ M∞, the factor of u[k] in the diagram."""
-        return float(1 - self._signals["command"][-1])
-
-    @property
-    def states(self) -> int:
-        """Number of states."""
-        return int(self.rows["past"].stop)
-
-    @cached_property
-    def rows(self) -> dict[str, slice]:
-        """Which states belong to which block: "C", "F u", "F y", "F/Gm", "(1-F)Gm" or "Gm".
-
-        And "past", the past inputs that a model with dead time keeps, youngest first.
-        """
-        sizes = [block.B.size for block in self._copies.values()]
-        ends = np.cumsum([0, *sizes, self.delay.memory]).tolist()
-        return dict(zip([*self._copies, "past"], map(slice, ends[:-1], ends[1:]), strict=True))
-
-    @property
-    def A(self) -> FloatArray:
-        """How the states are renewed from the states, shape (n, n)."""
-        return self._renewed[:, : self.states]
-
-    @property
-    def B(self) -> FloatArray:
-        """How the states are renewed from (r, y, applied u), shape (n, 3)."""
-        return self._renewed[:, self.states :]
-
-    @property
-    def C(self) -> FloatArray:
-        """Part of u from the states, shape (n,)."""
-        return self._signals["command"][: self.states] / self.factor
-
-    @property
-    def D(self) -> FloatArray:
-        """Part of u from (r, y), shape (2,)."""
-        return self._signals["command"][self.states : -1] / self.factor
-
-    @property
-    def estimate(self) -> FloatArray:
-        """The estimate of the disturbance at the input over (states, r, y, applied u)."""
-        return self._signals["estimate"]
+        inputs = {"C": error, "F u": late, "F y": y, "F/Gm": y, self.inner: entering}
+        renewed = [
+            copies[copy].A @ unit[self.rows[copy]] + np.outer(copies[copy].B, signal)
+            for copy, signal in inputs.items()
+        ]
+        self.A, self.B = np.split(np.vstack([*renewed, *[u, *past][: len(past)]]), [n], axis=1)
 
     def start(self, r: float, y: float, u: float) -> FloatArray:
         """States that take over from a constant u, y being at rest, shape (n,).
@@ -148,72 +157,3 @@ class SampledController:
         yf = output("F y", "F", y, y) + output(self.inner, self.inner, entering, 0.0)
         output("C", "C", r - yf, u + estimate)
         return np.concatenate([found[name] for name in self.rows])
-
-    @cached_property
-    def _copies(self) -> dict[str, StateSpace]:
-        names = {"C": "C", "F u": "F", "F y": "F", "F/Gm": "F/Gm", self.inner: self.inner}
-        return {copy: self.blocks[name] for copy, name in names.items()}
-
-    @cached_property
-    def _signals(self) -> dict[str, FloatArray]:
-        """Inputs of the blocks, estimate, and command with that of u[k], over (x, r, y, u)."""
-        n = self.states
-        r, y, u = np.eye(3, n + 3, n)
-
-        def output(name: str, signal: FloatArray) -> FloatArray:
-            row = self._copies[name].D * signal
-            row[self.rows[name]] += self._copies[name].C
-            return row
-
-        late = self._late(u) if self.delay else u
-        filtered, explained = output("F u", late), output("F/Gm", y)
-        entering = u - filtered if self.delay else u
-        error = r - output("F y", y) - output(self.inner, entering)
-        return {
-            "C": error, "F u": late, "F y": y, "F/Gm": y, self.inner: entering,
-            "command": output("C", error) + filtered - explained, "estimate": explained - filtered,
-        }  # fmt: skip
-
-    @cached_property
-    def _renewed(self) -> FloatArray:
-        n, line = self.states, self.rows["past"]
-        renewed = np.zeros((n, n + 3))
-        for name, block in self._copies.items():
-            own = self.rows[name]
-            renewed[own, own] = block.A
-            renewed[own] += np.outer(block.B, self._signals[name])
-        if self.delay:
-            renewed[line.start, n + 2] = 1.0
-            younger = np.arange(line.start, line.stop - 1)
-            renewed[younger + 1, younger] = 1.0
-        return renewed
-
-    def _late(self, u: FloatArray) -> FloatArray:
-        """(1 - φ) u[k-m] + φ u[k-m-1], as a row over (states, r, y, u)."""
-        late = np.zeros(u.size)
-        for weight, age in self.delay.terms:
-            late[self.rows["past"].start + age - 1 if age else -1] = weight
-        return late
-
-
-def sampled_controller(
-    factors: Mapping[str, tuple[Sequence[FloatArray], Sequence[FloatArray]]],
-    delay: ModelDelay,
-    dt: float,
-) -> SampledController:
-    """Sample the blocks and solve the diagram for u[k].
-
-    Numerators and denominators are given as factors, in descending powers of w, α = dt/2, under the
-    names of `SampledController.sections`. A block with a pole at z = ∞, or a diagram without
-    solution for u[k], raises a ValueError.
-    """
-    sections = {name: bilinear_sections(*block, dt / 2, name) for name, block in factors.items()}
-    found = SampledController(dt, sections, delay)
-    C, F, inner = (found.blocks[name].D for name in ("C", "F", found.inner))
-    if abs(found.factor) < SINGULAR * (1 + abs(F) + abs(C * inner)):
-        raise ValueError(
-            f"the sampled loop is ill-posed: u[k] stands on both sides of the diagram with the "
-            f"same factor, (1 - F)(1 + C·model) = {found.factor:.3g} at z = ∞; choose another dt "
-            "or another controller gain"
-        )
-    return found

@@ -103,20 +103,15 @@ class DelayedPair:
 
 
 def _equal_sizes(P: FloatArray, Q: FloatArray) -> FloatArray:
-    """All y > 0 with |P(jy)| = |Q(jy)|, and a few more."""
-    squares = np.trim_zeros(_squared(P) - _squared(Q), "f")
+    """All y > 0 with |P(jy)| = |Q(jy)|, and a few more: roots of a polynomial in y²."""
+    mirror = (-1.0) ** np.arange(P.size - 1, -1, -1)  # p(-s), of which every other power is left
+    even = (np.convolve(P, P * mirror) - np.convolve(Q, Q * mirror))[::2]
+    squares = np.trim_zeros(even * mirror, "f")
     if squares.size < 2:
         return np.empty(0)
     roots = companion_roots(squares)
     found = np.sqrt(roots.real[(roots.real > 0) & (np.abs(roots.imag) <= 1e-3 * roots.real)])
     return np.unique(found)
-
-
-def _squared(p: FloatArray) -> FloatArray:
-    """|p(jy)|² in descending powers of y²."""
-    mirrored = p * (-1.0) ** np.arange(p.size - 1, -1, -1)
-    square = np.convolve(p, mirrored)[::-1][::2]
-    return np.asarray(square * (-1.0) ** np.arange(square.size))[::-1]
 
 
 def _turned(p: FloatArray, angles: FloatArray) -> FloatArray:

@@ -14,15 +14,15 @@ from numpy.typing import ArrayLike
 from ..analysis import Margins, NoiseVariance
 from ..diagram import Fraction, LoopEquations, six_digits, undelayed
 from ..numerics import FloatArray
-from .actuatorlimits import ActuatorLimits, limited, rounded
+from .actuatorlimits import ActuatorLimits, rounded
 from .bilinear import after_samples, delay_in_w, held_blocks, held_in_w
 from .closedloop import ClosedLoop
 from .code import ControllerCode, tracking
-from .controller import ModelDelay, SampledController, sampled_controller
+from .controller import ModelDelay, SampledController
 from .hold import HeldProcess, checked_times, held_process, in_samples
 from .margins import sampled_margins
 from .noise import sampled_noise_variance
-from .signals import Signal, external_signals, sample_times
+from .signals import Signal, external_signals
 from .simulation import SimulatedResponse, sampled_step_response, simulated
 from .unitcircle import CircleFunction, Product
 from .verdict import SampledStability, sampled_stability
@@ -53,9 +53,8 @@ class SampledLoop:
     computation_delay: float = 0.0
 
     def __post_init__(self) -> None:
-        checked = checked_times(self.dt, self.computation_delay)
-        for name, value in zip(("dt", "computation_delay"), checked, strict=True):
-            object.__setattr__(self, name, value)
+        dt, computation_delay = checked_times(self.dt, self.computation_delay)
+        self.__dict__.update(dt=dt, computation_delay=computation_delay)
         if self.method not in METHODS:
             raise ValueError(f"method is {self.method!r}; choose one of {', '.join(METHODS)}")
         if self.loop.ill_posed_model_loop:
@@ -98,7 +97,7 @@ class SampledLoop:
             factors["Gm"] = [Gm.num], [Gm.den]
         else:
             factors["(1-F)Gm"] = [E, Gm.num], [F.den, Dm]
-        return sampled_controller(factors, self.model_delay, self.dt)
+        return SampledController(factors, self.model_delay, self.dt)
 
     @cached_property
     def closed_loop(self) -> ClosedLoop:
@@ -154,10 +153,8 @@ class SampledLoop:
         control.TimeResponseData
             As there; u is what the hold puts out, for "delta" the input of the process u + δ.
         """
-        return sampled_step_response(
-            self.controller, self.process, self._disturbed, input, timepts,
-            self._stability.spectral_radius,
-        )  # fmt: skip
+        loop = ClosedLoop(self.controller, self.process, self._disturbed)
+        return sampled_step_response(loop, input, timepts, self._stability.spectral_radius)
 
     def noise_variance(self, shaping: Any = None) -> NoiseVariance:
         """Compute the variances of y and u at the samples, for noise η added to each y read.
@@ -272,9 +269,8 @@ class SampledLoop:
             choices = ", ".join(OBSERVER_INPUTS)
             raise ValueError(f"observer_input is {observer_input!r}; choose one of {choices}")
         code = self.code(limits, tracking_time=tracking_time)
-        time = sample_times(timepts, inputs, noise, self.dt)
-        external = external_signals(inputs, noise, time, seed)
-        rules = [limited(code.limits, self.dt)]
+        time, external = external_signals(inputs, noise, timepts, self.dt, seed)
+        rules = [code.rule]
         if resolution is not None:
             rules.insert(0, rounded(resolution))
         loop = ClosedLoop(

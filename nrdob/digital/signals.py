@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 from ..diagram import real_number
 from ..numerics import FloatArray
 
-__all__ = ["EXTERNAL", "Signal", "external_signals", "sample_times"]
+__all__ = ["EXTERNAL", "Signal", "external_signals"]
 
 Signal = ArrayLike | Callable[[FloatArray], ArrayLike]
 """A signal: a number, one value for each sample, or a function of the times."""
@@ -20,17 +20,10 @@ Signal = ArrayLike | Callable[[FloatArray], ArrayLike]
 EXTERNAL = ("R", "d", "delta")  # the inputs of a simulation; noise is given apart
 
 
-def sample_times(
+def _sample_times(
     timepts: ArrayLike | None, inputs: Mapping[str, Signal], noise: Any, dt: float
 ) -> FloatArray:
-    """Find the times of the samples: as given, or as many as the signals have.
-
-    Parameters
-    ----------
-    timepts, inputs, noise : as of `SampledLoop.simulate`
-    dt : float
-        Sampling time in seconds.
-    """
+    """Find the times of the samples: as given, or as many as the signals have."""
     if not isinstance(inputs, Mapping):
         raise TypeError(
             f"inputs is a {type(inputs).__name__}; give a mapping, as {{'R': 1.0, 'd': values}}"
@@ -78,18 +71,17 @@ def _common_length(signals: Mapping[str, Any]) -> int:
 def external_signals(
     inputs: Mapping[str, Signal],
     noise: float | ArrayLike | None,
-    time: FloatArray,
-    seed: int | np.random.Generator,
-) -> FloatArray:
-    """Gather the signals of a simulation: R, d, δ and η as columns, shape (N, 4).
+    timepts: ArrayLike | None,
+    dt: float,
+    seed: int | np.random.Generator = 0,
+) -> tuple[FloatArray, FloatArray]:
+    """Gather the times (N,) of a simulation, and its signals R, d, δ and η as columns (N, 4).
 
     Parameters
     ----------
-    inputs, noise : as of `SampledLoop.simulate`
-    time : array of float, shape (N,)
-        Of the samples, in seconds.
-    seed : int or numpy.random.Generator
+    inputs, noise, timepts, dt, seed : as of `SampledLoop.simulate`
     """
+    time = _sample_times(timepts, inputs, noise, dt)
     columns = [_signal(inputs.get(name, 0.0), name, time) for name in EXTERNAL]
     if noise is None or np.ndim(noise) == 0:
         remedy = "as a number it is a standard deviation, 0 or more: give one, or an array"
@@ -97,7 +89,7 @@ def external_signals(
         columns.append(deviation * np.random.default_rng(seed).standard_normal(time.size))
     else:
         columns.append(_signal(noise, "noise", time))
-    return np.column_stack(columns)
+    return time, np.column_stack(columns)
 
 
 def _signal(signal: Any, name: str, time: FloatArray) -> FloatArray:

@@ -27,7 +27,6 @@ from ..diagram import INPUTS, real_number
 from ..numerics import BoolArray, FloatArray
 from .actuatorlimits import Rule
 from .closedloop import ClosedLoop, Recursion
-from .controller import SampledController
 from .hold import WHOLE, HeldProcess
 from .signals import EXTERNAL
 
@@ -101,18 +100,19 @@ def simulated(
         before = [measured, u][-len(rules) :]
     entering = loop.entering(external, at_rest=start is not None)
     found = run(loop.recursion, states, entering, rules, before)
-    found.check_finite()
+    finite = np.isfinite(found.starts).all(axis=1) & np.isfinite(found.decided).all(axis=1)
+    if not finite.all():
+        raise ArithmeticError(
+            "the signals leave the range of floating-point numbers near sample "
+            f"{int(np.argmin(finite)) * found.length}: the loop is unstable, or the limits are too "
+            "narrow for an unstable process; simulate fewer samples"
+        )
     y, measured, u, d_hat = found.outputs(loop.rows(("y", "measured", "u", "d_hat"))).T
     return SimulatedResponse(time, y, measured, u, found.decisions[:, -1], d_hat)
 
 
 def sampled_step_response(
-    controller: SampledController,
-    process: HeldProcess,
-    disturbed: HeldProcess,
-    input: str,
-    timepts: ArrayLike | None,
-    spectral_radius: float,
+    loop: ClosedLoop, input: str, timepts: ArrayLike | None, spectral_radius: float
 ) -> ct.TimeResponseData:
     """Respond to a unit step at t = 0, all signals zero before: see `SampledLoop.step_response`.
 
@@ -121,15 +121,14 @@ def sampled_step_response(
     """
     if input not in INPUTS:
         raise ValueError(f"input is {input!r}; choose one of {', '.join(INPUTS)}")
-    dt = process.dt
-    times = _step_times(timepts, process, spectral_radius)
+    dt = loop.process.dt
+    times = _step_times(timepts, loop.process, spectral_radius)
     samples = int(times[-1] / dt * (1 + WHOLE)) + 2
     if samples > MOST_SAMPLES:
         raise ValueError(
             f"timepts end at {times[-1]:g} s, {samples} samples of dt = {dt:g} s; at most "
             f"{MOST_SAMPLES} are computed: shorten timepts"
         )
-    loop = ClosedLoop(controller, process, disturbed)
     external = np.zeros((samples, 4))
     external[:, (*EXTERNAL, "eta").index(input)] = 1.0
     entering = loop.entering(external, at_rest=False)
@@ -147,7 +146,7 @@ def sampled_step_response(
             at = which == i
             y[at] += loop.output_after(offset, x[:, k[at]], felt[:, k[at]])
     # u reaches the process after the time of computation.
-    late = np.floor((times - process.delay + disturbed.delay) / dt + WHOLE).astype(int)
+    late = np.floor((times - loop.process.delay + loop.disturbed.delay) / dt + WHOLE).astype(int)
     u = np.where(late >= 0, found.decisions[np.maximum(late, 0), 0], 0.0) + (input == "delta")
     outputs = np.stack([y, u])
     outputs[~np.isfinite(outputs)] = np.nan
@@ -206,26 +205,15 @@ class Run:
         """The decisions of each sample, shape (N, p)."""
         return self.decided.reshape(-1, self.recursion.G.shape[1])[: self.samples]
 
-    def outputs(self, rows: tuple[FloatArray, FloatArray, FloatArray]) -> FloatArray:
+    def outputs(self, rows: Sequence[FloatArray]) -> FloatArray:
         """Signals C x + D w + H v of each sample, shape (N, r), from their rows C, D and H."""
         from_states, from_inputs, from_decisions = _over_block(self.recursion, self.length, *rows)
-        found = self.starts @ from_states.T
-        found += self.inputs @ from_inputs.T
+        found = self.starts @ from_states.T + self.inputs @ from_inputs.T
         found += self.decided @ from_decisions.T
         return found.reshape(-1, len(rows[0]))[: self.samples]
 
-    def check_finite(self) -> None:
-        """Raise an ArithmeticError if a state has left the range of floating-point numbers."""
-        finite = np.isfinite(self.starts).all(axis=1) & np.isfinite(self.decided).all(axis=1)
-        if not finite.all():
-            raise ArithmeticError(
-                "the signals leave the range of floating-point numbers near sample "
-                f"{int(np.argmin(finite)) * self.length}: the loop is unstable, or the limits are "
-                "too narrow for an unstable process; simulate fewer samples"
-            )
 
-
-@np.errstate(over="ignore", invalid="ignore")  # see `Run.check_finite`
+@np.errstate(over="ignore", invalid="ignore")  # what is not finite is seen afterwards
 def run(
     recursion: Recursion,
     states: FloatArray,
@@ -246,10 +234,10 @@ def run(
     grouped = padded.reshape(blocks, -1)
 
     from_states, from_inputs, from_decisions = _over_block(recursion, m, *recursion[3:])
-    over = _power(recursion.A, m)
-    to_end, decisions_to_end = (
-        _to_the_end(recursion.A, into, m) for into in (recursion.B, recursion.G)
-    )
+    # Long dead times are mostly zeros, which are left out.
+    A = recursion.A
+    over: Any = np.linalg.matrix_power(A, m) if n <= MOST_DENSE else matrix_power(csr_array(A), m)
+    to_end, decisions_to_end = (_to_the_end(A, into, m) for into in (recursion.B, recursion.G))
     undecided = _all_free(from_decisions)
     from_outside, outside_to_end = grouped @ from_inputs.T, grouped @ to_end.T
 
@@ -271,13 +259,6 @@ def run(
         decided[block] = values
         x = over @ x + outside_to_end[block] + decisions_to_end @ values
     return Run(recursion, grouped, starts, decided, samples)
-
-
-def _power(A: FloatArray, m: int) -> Any:
-    """Raise to the power m; long dead times are mostly zeros, which are left out."""
-    if len(A) <= MOST_DENSE:
-        return np.linalg.matrix_power(A, m)
-    return matrix_power(csr_array(A), m)
 
 
 def _block_length(recursion: Recursion, samples: int) -> int:

@@ -35,20 +35,14 @@ from ..numerics import (
 from .bilinear import MULTIPLIED_OUT
 
 __all__ = [
-    "CircleFunction",
-    "Group",
-    "Product",
-    "TurnCount",
-    "count_outside",
-    "multiplied_out",
+    "CircleFunction", "Group", "Product", "TurnCount", "count_outside", "multiplied_out",
     "resolved",
-]
+]  # fmt: skip
 
 TURN = 0.6  # how far a function may get within half an interval, against its own size
 
 SMALLEST, MOST = 2.0**-48, 400_000
-"""Half width of an interval, against its angle, at which it is halved no more; intervals at most.
-"""
+"""Half width of an interval, against its angle, at which it is halved no more; most intervals."""
 
 TOGETHER = 8  # samples between terms that are taken together, behind one dead time
 FREE, OPEN = -1, -2  # marks of an interval: the function has no zero there; it may have one
@@ -227,11 +221,9 @@ def _certified(function: CircleFunction, *, dominance: bool) -> _Certified:
             touched = float(middle[zero][0])
         wide = (mark == OPEN) & ~zero
         done.append((low[~wide], high[~wide], mark[~wide]))
-        low, high = (
-            np.concatenate([low[wide], middle[wide]]),
-            np.concatenate([middle[wide], high[wide]]),
-        )
         total += middle.size
+        low, middle, high = low[wide], middle[wide], high[wide]
+        low, high = np.concatenate([low, middle]), np.concatenate([middle, high])
         if total > MOST:
             raise ArithmeticError(
                 "the sampled loop turns too often on the unit circle to be followed: the dead "
@@ -245,40 +237,31 @@ def _examined(
     function: CircleFunction, middle: FloatArray, half: FloatArray, dominance: bool
 ) -> tuple[IntArray, FloatArray]:
     """Say what certifies each interval, and how large the function is in its middle."""
-    delays = [group.samples for group in function.groups]
-    values = [group.bare(middle) for group in function.groups]
-    reaches = [group.bare.reach(middle, half) for group in function.groups]
-    sizes = [np.abs(value) for value in values]
-    sum_, far = np.zeros(middle.shape, dtype=complex), np.zeros(middle.shape)
-    for samples, value, size, reach in zip(delays, values, sizes, reaches, strict=True):
-        sum_ += value * np.exp(-1j * samples * middle)
-        far += reach + size * np.minimum(samples * half, 2.0)
-    mark = np.where(far <= TURN * np.abs(sum_), FREE, OPEN)
-    if dominance and len(values) > 1:
-        every = sum(size + reach for size, reach in zip(sizes, reaches, strict=True))
-        noise = function.rounding(middle)
-        for k, size in enumerate(sizes):
-            mark[2 * size > every + noise] = k  # size - reach > what the others can be
-    return mark, np.abs(sum_)
+    delays = np.array([[group.samples] for group in function.groups])
+    values = np.array([group.bare(middle) for group in function.groups])
+    reaches = np.array([group.bare.reach(middle, half) for group in function.groups])
+    sizes = np.abs(values)
+    total = np.abs((values * np.exp(-1j * delays * middle)).sum(axis=0))
+    far = (reaches + sizes * np.minimum(delays * half, 2.0)).sum(axis=0)
+    mark = np.where(far <= TURN * total, FREE, OPEN)
+    if dominance and len(values) > 1:  # one less its reach is more than what the others can be
+        leads = 2 * sizes > (sizes + reaches).sum(axis=0) + function.rounding(middle)
+        mark = np.where(leads.any(axis=0), leads.argmax(axis=0), mark)
+    return mark, total
 
 
 def _turned(function: CircleFunction, found: _Certified) -> float:
     """Sum of what the argument turns over certified intervals."""
     edges = np.stack([found.low, found.high])
-    values = [group.bare(edges) for group in function.groups]
-    late = [
-        value * np.exp(-1j * group.samples * edges)
-        for group, value in zip(function.groups, values, strict=True)
-    ]
-    sums = np.sum(late, axis=0)
-    free = found.mark == FREE
+    sums, free = function(edges), found.mark == FREE
     angle = float(np.angle(sums[1, free] / sums[0, free]).sum())
-    for k, (group, value) in enumerate(zip(function.groups, values, strict=True)):
+    for k, group in enumerate(function.groups):
         on = found.mark == k
+        at, value = edges[:, on], group.bare(edges[:, on])
         # The group without its dead time, the dead time, and the angles from it to the sum.
-        angle += float(np.angle(value[1, on] / value[0, on]).sum())
-        angle -= group.samples * float((found.high - found.low)[on].sum())
-        beside = np.angle(sums[:, on] / late[k][:, on])
+        angle += float(np.angle(value[1] / value[0]).sum())
+        angle -= group.samples * float((at[1] - at[0]).sum())
+        beside = np.angle(sums[:, on] / (value * np.exp(-1j * group.samples * at)))
         angle += float((beside[1] - beside[0]).sum())
     return angle
 

@@ -35,8 +35,7 @@ WHOLE_NUMBERS = "by Routh and Hurwitz's test in whole numbers"
 SIZES = "by the crossings of |P| = |Q| in p_B = P + Q/z^N"
 
 MOST_STATES, MOST_ALONE = 300, 1000
-"""States of a loop up to which it has eigenvalues; the latter where there is no other second way.
-"""
+"""States up to which a loop has eigenvalues; the latter where there is no other second way."""
 
 CLEARLY = 1e-6  # distance from the circle at which an eigenvalue is on its side, however rounded
 

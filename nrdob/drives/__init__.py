@@ -7,20 +7,9 @@ from .simulate import Drive, DriveResponse
 from .two_mass import OneMass, TwoMasses
 
 __all__ = [
-    "Counting",
-    "Drive",
-    "DriveResponse",
-    "EdgeTiming",
-    "EncodedLoop",
-    "Encoder",
-    "Friction",
-    "Motion",
-    "OneMass",
-    "SpeedEstimate",
-    "Tracking",
-    "TwoMasses",
-    "encoded",
-]
+    "Counting", "Drive", "DriveResponse", "EdgeTiming", "EncodedLoop", "Encoder", "Friction",
+    "Motion", "OneMass", "SpeedEstimate", "Tracking", "TwoMasses", "encoded",
+]  # fmt: skip
 
 
 def __dir__() -> list[str]:

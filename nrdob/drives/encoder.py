@@ -31,15 +31,9 @@ from ..numerics import FloatArray, is_whole, transition
 from .motion import Motion
 
 __all__ = [
-    "Counting",
-    "EdgeTiming",
-    "EncodedLoop",
-    "Encoder",
-    "SpeedEstimate",
-    "Tracking",
-    "encoded",
+    "Counting", "EdgeTiming", "EncodedLoop", "Encoder", "SpeedEstimate", "Tracking", "encoded",
     "reader",
-]
+]  # fmt: skip
 
 Reading = Callable[[float], float]  # from the angle of a sample to what is read
 

@@ -61,9 +61,8 @@ class Friction:
             "size, the sign follows the speed"
         )
         for name, given in vars(self).copy().items():
-            if given is None:
-                continue
-            object.__setattr__(self, name, real_number(given, name, remedy, least=0.0))
+            if given is not None:
+                object.__setattr__(self, name, real_number(given, name, remedy, least=0.0))
         if self.breakaway < self.coulomb:
             raise ValueError(
                 f"stiction is {self.breakaway:g} N m, below the Coulomb friction of "

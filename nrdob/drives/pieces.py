@@ -15,10 +15,10 @@ Design 29 (2012) 379-419.
 from __future__ import annotations
 
 from functools import lru_cache
-from math import ceil, comb
+from math import ceil
 
 import numpy as np
-from scipy.interpolate import BPoly
+from scipy.interpolate import BPoly, PPoly
 from scipy.optimize import brentq
 
 from ..numerics import FloatArray
@@ -127,7 +127,5 @@ def _halves(b: FloatArray) -> tuple[FloatArray, FloatArray]:
 @lru_cache
 def _to_bernstein(degree: int) -> FloatArray:
     """Matrix from coefficients of powers to those of Bernstein's form, shape (K+1, K+1)."""
-    return np.array([
-        [comb(i, k) / comb(degree, k) if k <= i else 0.0 for k in range(degree + 1)]
-        for i in range(degree + 1)
-    ])  # fmt: skip
+    powers = PPoly(np.eye(degree + 1)[::-1, np.newaxis], [0.0, 1.0])  # each for itself
+    return np.asarray(BPoly.from_power_basis(powers).c[:, 0])

@@ -16,15 +16,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..diagram import real_number
-from ..digital import (
-    ActuatorLimits,
-    SampledLoop,
-    Signal,
-    SimulatedResponse,
-    external_signals,
-    limited,
-    sample_times,
-)
+from ..digital import ActuatorLimits, SampledLoop, Signal, SimulatedResponse, external_signals
 from ..numerics import BoolArray, FloatArray
 from .encoder import Encoder, SpeedEstimate, reader
 from .friction import Friction
@@ -156,9 +148,8 @@ class Drive:
         if "d" in inputs:
             raise ValueError("a drive has no disturbance at its output: give the load as 'delta'")
         code = sampled.code(limits, tracking_time=tracking_time)
-        time = sample_times(timepts, inputs, noise, sampled.dt)
-        external = external_signals(inputs, noise, time, seed)
-        fed = external_signals({"R": feedforward}, None, time, 0)[:, 0]
+        time, external = external_signals(inputs, noise, timepts, sampled.dt, seed)
+        fed = external_signals({"R": feedforward}, None, time, sampled.dt)[1][:, 0]
         motion = self.motion(sampled.dt, sampled.process.delay)
         read = self.reader(motion)
 
@@ -174,7 +165,7 @@ class Drive:
             controller.estimate[:-1],
         ]) + np.outer(acting, command_row)  # fmt: skip
         acting[:n][controller.rows["C"]] += code.tracking * controller.blocks["C"].B
-        limit = limited(code.limits, sampled.dt).apply
+        limit = code.rule.apply
         z, applied = np.zeros(n + 2), 0.0
         rows: list[tuple[float, ...]] = []
         for R, _, load, eta, more in np.column_stack([external, fed]).tolist():

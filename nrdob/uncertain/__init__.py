@@ -3,27 +3,14 @@
 from .boxes import Box, delay_intervals, gain_intervals, largest_box
 from .intervalplants import IntervalShares, interval_plants
 from .plantfamily import PlantFamily, plant_family
-from .smallgain import Conservatism, SmallGain, conservatism, fit_weight, small_gain
+from .smallgain import Conservatism, conservatism, fit_weight, small_gain
 from .sweeping import Share, SweepTable, sweep
 
 __all__ = [
-    "Box",
-    "Conservatism",
-    "IntervalShares",
-    "PlantFamily",
-    "Share",
-    "SmallGain",
-    "SweepTable",
-    "conservatism",
-    "delay_intervals",
-    "fit_weight",
-    "gain_intervals",
-    "interval_plants",
-    "largest_box",
-    "plant_family",
-    "small_gain",
-    "sweep",
-]
+    "Box", "Conservatism", "IntervalShares", "PlantFamily", "Share", "SweepTable",
+    "conservatism", "delay_intervals", "fit_weight", "gain_intervals", "interval_plants",
+    "largest_box", "plant_family", "small_gain", "sweep",
+]  # fmt: skip
 
 
 def __dir__() -> list[str]:

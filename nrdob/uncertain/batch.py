@@ -23,13 +23,8 @@ from typing import Any, NamedTuple
 import control as ct
 import numpy as np
 
-from ..diagram import (
-    DelayedTransferFunction,
-    LoopEquations,
-    ObserverEquations,
-    as_fraction,
-    undelayed,
-)
+from ..analysis import Locus
+from ..diagram import DelayedTransferFunction, LoopEquations, as_fraction, undelayed
 from ..numerics import (
     ROUNDING,
     BoolArray,
@@ -97,46 +92,30 @@ class PlantBatch(NamedTuple):
     @classmethod
     def of_blocks(cls, blocks: list[Any]) -> PlantBatch:
         """Gather plants of any degrees; nan where one is None."""
-        read = [_read(block) for block in blocks]
+        prompt, delays = zip(*map(undelayed, blocks), strict=True)
+        none = np.full(1, np.nan), np.ones(1)
+        fractions = [
+            none if block is None else as_fraction(block, "the plant", proper=False)
+            for block in prompt
+        ]
         tables = []
-        for part in (0, 1):
-            rows = [fraction[part] for fraction, _ in read]
+        for rows in zip(*fractions, strict=True):
             size = max(row.size for row in rows)
             tables.append(np.array([np.pad(row, (size - row.size, 0)) for row in rows]).T)
         num, den = tables
-        return cls(num, den, np.array([delay for _, delay in read]))
-
-
-def _read(block: Any) -> tuple[tuple[FloatArray, FloatArray], float]:
-    if block is None:
-        return (np.full(1, np.nan), np.ones(1)), 0.0
-    prompt, delay = undelayed(block)
-    return as_fraction(prompt, "the plant", proper=False), delay
+        return cls(num, den, np.array(delays))
 
 
 class Feedback:
     """All of a loop that does not depend on the plant."""
 
-    def __init__(self, loop: LoopEquations | ObserverEquations) -> None:
-        self.K = loop.K
+    def __init__(self, loop: LoopEquations) -> None:
+        self.K, self.locus = loop.K, Locus(loop.K)
         # Of what is multiplied with denominator and numerator of the plant.
         self.sizes = [
             multiply(*(QuasiPolynomial(p.scale) for p in part)).q
             for part in (self.K.den, self.K.num)
         ]
-
-    def gain_and_slope(self, omega: FloatArray) -> tuple[ComplexArray, ComplexArray]:
-        """Evaluate K(jω), and dK/ds over K there."""
-        parts = []
-        for p in (self.K.numerator, self.K.denominator):
-            value = slope = np.zeros(1, dtype=complex)
-            for q, delay in p.terms:
-                at, rising = values_and_slopes(q, omega)
-                late = np.exp(-1j * delay * omega) if delay else 1.0
-                value, slope = value + at * late, slope + (rising - delay * at) * late
-            parts.append((value, slope / value))
-        (num, rises), (den, its_rises) = parts
-        return np.asarray(num / den), np.asarray(rises - its_rises)
 
     def characteristic(self, plants: PlantBatch) -> tuple[list[ManyTerms], FloatArray]:
         """Terms of p_B, and for each power of s the size of what is summed."""
@@ -252,8 +231,8 @@ class _Loops:
             slope += dn / n
         if self.late:
             value, slope = value * np.exp(-1j * (of.delay * omega)), slope - of.delay
-        gain, its_slope = self.feedback.gain_and_slope(omega)
-        return _Motion(value * gain, 1j * omega * (slope + its_slope))
+        (log,), (its_slope,) = self.feedback.locus.log_and_slope(omega)
+        return _Motion(value * np.exp(log), 1j * omega * slope + its_slope)
 
     def across(self) -> PlantBatch:
         """Return the plants with an axis for frequencies."""
@@ -277,7 +256,7 @@ def _frequencies(loops: _Loops) -> tuple[FloatArray, BoolArray, _Stretches, Bool
     clear = _clear(loops, omega[:-1], omega[1:])
     loop, k = np.nonzero(~clear)
     doubtful = _Stretches(loop, omega[k], omega[k + 1])
-    kept: list[_Stretches] = []
+    kept = doubtful.of(np.zeros(loop.size, dtype=bool))  # none so far
     trusted = np.ones(loops.count, dtype=bool)
     own = np.zeros(loops.count, dtype=int)
     for _ in range(ROUNDS):
@@ -285,19 +264,18 @@ def _frequencies(loops: _Loops) -> tuple[FloatArray, BoolArray, _Stretches, Bool
             break
         halves = doubtful.halved()
         alone = _clear(loops, halves.low, halves.high, halves.loop)
-        kept.append(halves.of(alone))
+        kept = kept.joined(halves.of(alone))
         doubtful = halves.of(~alone)
         own += np.bincount(halves.loop, minlength=loops.count)
         trusted &= own <= OWN
         doubtful = doubtful.of(trusted[doubtful.loop])
     trusted[doubtful.loop] = False
-    none = _Stretches(np.empty(0, dtype=np.intp), np.empty(0), np.empty(0))
     # Beyond all roots little happens, but a size may still pass 1, and a phase creep to the axis.
     end = omega[-1] + 4 * pi / loops.plants.delay.max() if loops.late else 1e8 * omega[-1]
     below = omega[0] * np.geomspace(1e-8, 0.8, 12)
     above = np.geomspace(omega[-1], end, 17)[1:]
     clear = np.pad(clear, ((0, 0), (below.size, above.size)), constant_values=True)
-    return np.concatenate([below, omega, above]), clear, none.joined(*kept), trusted
+    return np.concatenate([below, omega, above]), clear, kept, trusted
 
 
 def _clear(

@@ -33,9 +33,7 @@ MOST = 200_000  # frequencies at most that a dead time asks for
 FAR = 10.0  # how far beyond all poles and zeros L is only a power of s and a dead time
 HALVINGS = 60  # how often shares are halved
 PER_STRETCH, NEAR = 16, 1.5  # frequencies of a stretch; shares, against the least, looked into
-WITHIN = (
-    0.4567  # where between two critical values a loop is judged: round ones may be critical, too
-)
+WITHIN = 0.4567  # where between critical values a loop is judged: round ones may be critical
 TOUCHING = 1e-6  # slope, against its size, with which roots touch the axis and cross or not
 MET = 1e-9  # distance of a gain from 1 at which it is 1, within rounding
 QUARTER = pi / 2 * (1 - 1e-12)  # the most by which a lag turns, within rounding

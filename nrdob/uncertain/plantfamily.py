@@ -24,14 +24,8 @@ from ..numerics import BoolArray, FloatArray, convolved, is_real, is_whole
 from .batch import SLAB, Feedback, PlantBatch, batch_peaks
 
 __all__ = [
-    "Grid",
-    "Interval",
-    "PlantFamily",
-    "judged",
-    "plant_family",
-    "read_range",
-    "whole_number",
-]
+    "Grid", "Interval", "PlantFamily", "judged", "plant_family", "read_range", "whole_number",
+]  # fmt: skip
 
 BLOCK = 10_000  # members drawn together, which are also judged together, as one task
 BUILT_IN = ("gain", "delay", "lag")

@@ -226,13 +226,13 @@ def test_the_peak_of_a_resonant_weight_is_found_to_the_last_digits(damping):
     # T = 1/(0.2 s + 1) cancels, and 1/(2ζ sqrt(1 - ζ²)) is the peak of what is left.
     weight = ct.tf([0.2 * 49, 49], [1, 14 * damping, 49])
     peak = 1 / (2 * damping * np.sqrt(1 - damping**2))
-    assert small_gain(MATCHED, weight).peak == pytest.approx(peak, rel=1e-9)
+    assert small_gain(MATCHED, weight) == pytest.approx(peak, rel=1e-9)
 
 
 def test_small_gain_is_the_peak_of_a_closed_form():
     # T = 1/(0.2 s + 1) for a matched model and n = 1: a weight k gives the peak k.
-    assert small_gain(MATCHED, 0.7).peak == pytest.approx(0.7)
-    assert small_gain(MATCHED, 0.7).robust and not small_gain(MATCHED, 1.1).robust
+    assert small_gain(MATCHED, 0.7) == pytest.approx(0.7)
+    assert small_gain(MATCHED, 1.1) == pytest.approx(1.1)
     with pytest.raises(ValueError, match="mirror"):
         small_gain(MATCHED, ct.tf([1], [1, -1]))
 
