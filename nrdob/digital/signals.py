@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 from ..diagram import real_number
 from ..numerics import FloatArray
 
-__all__ = ["EXTERNAL", "Signal", "external_signals"]
+__all__ = ["EXTERNAL", "Signal", "external_signals", "signal_at"]
 
 Signal = ArrayLike | Callable[[FloatArray], ArrayLike]
 """A signal: a number, one value for each sample, or a function of the times."""
@@ -82,17 +82,18 @@ def external_signals(
     inputs, noise, timepts, dt, seed : as of `SampledLoop.simulate`
     """
     time = _sample_times(timepts, inputs, noise, dt)
-    columns = [_signal(inputs.get(name, 0.0), name, time) for name in EXTERNAL]
+    columns = [signal_at(inputs.get(name, 0.0), name, time) for name in EXTERNAL]
     if noise is None or np.ndim(noise) == 0:
         remedy = "as a number it is a standard deviation, 0 or more: give one, or an array"
         deviation = real_number(noise or 0.0, "noise", remedy, least=0.0)
         columns.append(deviation * np.random.default_rng(seed).standard_normal(time.size))
     else:
-        columns.append(_signal(noise, "noise", time))
+        columns.append(signal_at(noise, "noise", time))
     return time, np.column_stack(columns)
 
 
-def _signal(signal: Any, name: str, time: FloatArray) -> FloatArray:
+def signal_at(signal: Any, name: str, time: FloatArray) -> FloatArray:
+    """Read a signal at the times (N,) of the samples; a refusal says its `name`."""
     remedy = "a number, an array with one value for each sample, or a function of the times"
     found = _numbers(signal(time) if callable(signal) else signal, name, remedy)
     if found.ndim == 0:

@@ -16,7 +16,14 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..diagram import real_number
-from ..digital import ActuatorLimits, SampledLoop, Signal, SimulatedResponse, external_signals
+from ..digital import (
+    ActuatorLimits,
+    SampledLoop,
+    Signal,
+    SimulatedResponse,
+    external_signals,
+    signal_at,
+)  # fmt: skip
 from ..numerics import BoolArray, FloatArray
 from .encoder import Encoder, SpeedEstimate, reader
 from .friction import Friction
@@ -149,7 +156,7 @@ class Drive:
             raise ValueError("a drive has no disturbance at its output: give the load as 'delta'")
         code = sampled.code(limits, tracking_time=tracking_time)
         time, external = external_signals(inputs, noise, timepts, sampled.dt, seed)
-        fed = external_signals({"R": feedforward}, None, time, sampled.dt)[1][:, 0]
+        fed = signal_at(feedforward, "feedforward", time)
         motion = self.motion(sampled.dt, sampled.process.delay)
         read = self.reader(motion)
 

@@ -223,7 +223,7 @@ def test_a_loop_that_runs_away_is_said_to():
         ({"inputs": {"d": 1.0}}, "a drive has no disturbance at its output: give the load"),
         ({"inputs": {"load": 1.0}}, "'load' is no input"),
         ({"dead_band": -1.0}, "dead_band is -1.0; give a finite width"),
-        ({"feedforward": [1.0, 2.0]}, "there are 101 samples"),
+        ({"feedforward": [1.0, 2.0]}, r"^feedforward has the shape .*there are 101 samples"),
     ],
 )
 def test_runs_that_cannot_be_are_named(given, message):
