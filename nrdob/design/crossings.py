@@ -230,25 +230,19 @@ def _hidden_pairs(
     dips &= _near_line(branches.excess)[inner]
     of, at = np.nonzero(dips & (branches.excess.imag[inner] > 0))
     at = at + 1
-    left, right, way = omega[at - 1], omega[at + 1], sign[of, at]
-    bottom = _across(branches, of, at, way, left, right)
+    left, right = omega[at - 1], omega[at + 1]
+    bottom = _across(branches, (of, at, left, right), sign[of, at])
     through = np.isfinite(bottom)
     of, at, bottom = of[through], at[through], bottom[through]
     return (of, at, left[through], bottom), (of, at, bottom, right[through])
 
 
-def _across(
-    branches: Branches,
-    of: IntArray,
-    at: IntArray,
-    way: FloatArray,
-    low: FloatArray,
-    high: FloatArray,
-) -> FloatArray:
+def _across(branches: Branches, brackets: Brackets, way: FloatArray) -> FloatArray:
     """Find frequencies at which branches on one side, `way`, are on the other; nan for none.
 
     Around the lowest value ever more closely, until a parabola through it stays on its side.
     """
+    of, at, low, high = brackets
     found, share = np.full(of.size, np.nan), np.linspace(0, 1, ACROSS)
     k = np.arange(of.size)
     for _ in range(ZOOMS):

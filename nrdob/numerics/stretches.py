@@ -277,13 +277,7 @@ class Sums(NamedTuple):
 
 
 def certified(
-    sums: Sums,
-    low: float,
-    high: float,
-    limit: int,
-    *,
-    dominance: bool = True,
-    pass_zeros: bool = True,
+    sums: Sums, low: float, high: float, limit: int, *, dominance: bool = True
 ) -> Certified:
     """Cut the axis between two frequencies, at most `limit` times for each sum."""
     n = sums.scale.shape[1]
@@ -313,7 +307,6 @@ def certified(
         gone = vanishing[unknown] | (middle <= left) | (middle >= right)
         if gone.any():
             found.vanishing.append(Stretches(column, left, right, column).where(gone))
-            found.given_up[column[gone]] |= not pass_zeros
         steps += 2 * np.bincount(column, minlength=n)
         np.logical_or(found.given_up, steps > limit, out=found.given_up)
         more = ~(gone | found.given_up[column])
