@@ -25,12 +25,8 @@ from .plantloops import PlantLoops
 from .timeconstants import intersection, stabilizing_set, stable_filters
 
 __all__ = [
-    "Bracket",
-    "FilterSearch",
-    "admissible_time_constants",
-    "checked_ms",
-    "solved",
-]
+    "Bracket", "FilterSearch", "admissible_time_constants", "checked_ms", "solved",
+]  # fmt: skip
 
 Interval = tuple[float, float]
 

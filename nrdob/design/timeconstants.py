@@ -21,13 +21,9 @@ from .mismatch import Mismatch
 from .mismatchgrid import Frequencies
 
 __all__ = [
-    "CriticalTimeConstant",
-    "critical_time_constants",
-    "intersection",
-    "stabilizing_set",
-    "stabilizing_time_constants",
-    "stable_filters",
-]
+    "CriticalTimeConstant", "critical_time_constants", "intersection", "stabilizing_set",
+    "stabilizing_time_constants", "stable_filters",
+]  # fmt: skip
 
 Interval = tuple[float, float]
 

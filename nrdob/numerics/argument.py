@@ -29,15 +29,9 @@ from .stretches import (
 )
 
 __all__ = [
-    "ArgumentChange",
-    "Term",
-    "argument_change",
-    "argument_changes",
-    "frequency_range",
-    "rhp_counts",
-    "zero_free",
-    "zero_free_frequencies",
-]
+    "ArgumentChange", "Term", "argument_change", "argument_changes", "frequency_range",
+    "rhp_counts", "zero_free", "zero_free_frequencies",
+]  # fmt: skip
 
 MAX_SEGMENTS, MAX_STEPS = 400_000, 40_000  # stretches at most; if dominance is enough
 TOGETHER, LEAST_STEPS = 250, 4000  # sums at once, and least limit of stretches of each

@@ -24,15 +24,9 @@ import numpy as np
 from .arrays import ROUNDING, BoolArray, ComplexArray, FloatArray, IntArray
 
 __all__ = [
-    "ZERO_FREE",
-    "Certified",
-    "ManyTerms",
-    "Stretches",
-    "Sums",
-    "binomial",
-    "certified",
+    "ZERO_FREE", "Certified", "ManyTerms", "Stretches", "Sums", "binomial", "certified",
     "multiplied",
-]
+]  # fmt: skip
 
 PER_OCTAVE, AT_FIRST = 6, 2000  # stretches to begin with: many take less time than many rounds
 SAFETY = 1.05  # value against its Taylor bound, so that no zero hides at the end of a step
