@@ -184,15 +184,13 @@ def _on_axis(branches: Branches) -> list[CriticalTimeConstant]:
     true = _accepted(branches, where, value)
     # A pair leaves where the branch rises through the line as ω grows, and enters where it falls:
     # Re ds/dλ has the sign opposite to that of the slope.
-    directions = side(branches(of, at, low).real)[true]
+    directions = side(branches(of, at, low).real)[true].astype(int)
     where, value = where[true], value[true]
     critical = value.imag / where
     rough = branches.rounding(where, value) > ROUGH * np.abs(value)
     critical[rough] = _exactly(branches.mismatch, where[rough], critical[rough])
-    return [
-        CriticalTimeConstant(float(c), float(w), int(d))
-        for c, w, d in zip(critical, where, directions, strict=True)
-    ]
+    columns = critical.tolist(), where.tolist(), directions.tolist()
+    return [CriticalTimeConstant(*each) for each in zip(*columns, strict=True)]
 
 
 def _exactly(mismatch: Mismatch, omega: FloatArray, critical: FloatArray) -> FloatArray:

@@ -53,6 +53,7 @@ OWN, TRIED = "own", (1.0, 0.1, 10.0, 1e-2, 1e2, 1e-3, 1e3)
 """The only kind whose filters may be unstable, and the λ of which one should not be."""
 
 Factors = tuple[FloatArray, FloatArray, FloatArray, FloatArray]
+Parts = tuple[ComplexArray, ComplexArray, ComplexArray]
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -222,9 +223,7 @@ class Mismatch:
         E, Nf = (_rows(np.abs(table), omega) for table in (self._ahead, self.Nf))
         return np.asarray(ERROR * (off_a * E + off_b * Nf))
 
-    def terms(
-        self, omega: FloatArray, time_constant: FloatArray
-    ) -> tuple[ComplexArray, ComplexArray, ComplexArray]:
+    def terms(self, omega: FloatArray, time_constant: FloatArray) -> Parts:
         """Return a E, b Nf exp(-jωθ), and -D Nm Nf exp(-jωθm) or 0, at points (ω, λ), over s^m."""
         (a, b, waits), (E, Nf) = self._apart(omega), self._tables(omega)
         powers = [np.asarray(time_constant) ** k for k in range(len(E))]
@@ -245,9 +244,7 @@ class Mismatch:
             ahead, behind = (np.nan_to_num(part / most) for part in (ahead, behind))
         return size_squared(ahead) - size_squared(behind)
 
-    def _apart(
-        self, omega: FloatArray, exact: bool = False
-    ) -> tuple[ComplexArray, ComplexArray, ComplexArray]:
+    def _apart(self, omega: FloatArray, exact: bool = False) -> Parts:
         """Return a, b exp(-jωθ), and -D Nm exp(-jωθm) or 0, divided as p_B is."""
         s = 1j * np.asarray(omega)
         N, D, Nm, Dm = self._values(omega, exact)
