@@ -155,9 +155,8 @@ class Mismatch:
         return np.asarray((ERROR * of_D >= D) | (Nm <= ERROR * of_Nm))
 
     def _values(self, omega: FloatArray, exact: bool = False) -> list[ComplexArray]:
-        if exact:
-            return [_exactly_on_axis(p, omega) for p in self.factors]
-        return [values_on_axis(p, omega) for p in self.factors]
+        values = _exactly_on_axis if exact else values_on_axis
+        return [values(p, omega) for p in self.factors]
 
     def _sizes(self, omega: FloatArray) -> list[FloatArray]:
         return [np.polyval(np.abs(p), omega) for p in self.factors]
@@ -296,15 +295,12 @@ class Mismatch:
 
     def leading(self, *, lagging: bool = False) -> list[FloatArray]:
         """Coefficients in λ, ascending, of the highest power of s in p_B of the three `terms`."""
-        parts = [(self.E, self.a, lagging), (self.Nf, self.b, 0), (self.Nf, -self.waiting, lagging)]
-        tables = [_wide(table) for table, *_ in parts]
-        degrees = [
-            (p.size + table.shape[1] if p.any() else 0) + more
-            for table, (_, p, more) in zip(tables, parts, strict=True)
-        ]
+        given = (self.E, self.a, lagging), (self.Nf, self.b, 0), (self.Nf, -self.waiting, lagging)
+        parts = [(_wide(table), p, more) for table, p, more in given]
+        degrees = [(p.size + table.shape[1] if p.any() else 0) + more for table, p, more in parts]
         return [
             table[:, 0] * p[0] * (degree == max(degrees))
-            for table, (_, p, _), degree in zip(tables, parts, degrees, strict=True)
+            for (table, p, _), degree in zip(parts, degrees, strict=True)
         ]
 
 
