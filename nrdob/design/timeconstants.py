@@ -21,8 +21,8 @@ from .mismatch import Mismatch
 from .mismatchgrid import Frequencies
 
 __all__ = [
-    "CriticalTimeConstant", "critical_time_constants", "intersection", "stabilizing_set",
-    "stabilizing_time_constants", "stable_filters",
+    "CriticalTimeConstant", "Interval", "critical_time_constants", "intersection",
+    "stabilizing_set", "stabilizing_time_constants", "stable_filters",
 ]  # fmt: skip
 
 Interval = tuple[float, float]
