@@ -16,6 +16,7 @@ import numpy as np
 
 from .argument import Term, argument_change
 from .arrays import ComplexArray, FloatArray, runs
+from .coefficients import add, pade
 from .rootfinding import Delayed, companion_roots, frequencies_beside, value_and_slope, vanishing
 
 __all__ = ["rightmost_roots"]
@@ -26,6 +27,7 @@ SHOWN = 400  # if fewer roots than this are in the right half plane, all of them
 PER_TURN, MOST_DIPS = 12, 100_000
 """Frequencies to each turn of the longest of several dead times, and at most."""
 
+PADE_ORDER = 6  # of the rational that stands for the dead time near s = 0
 BESIDE = 1e-4  # how far to the right of the rightmost root the line is laid, against its distance
 
 
@@ -64,7 +66,7 @@ def _guesses(q: FloatArray, r: FloatArray, delay: float) -> ComplexArray:
         excess = s.imag * delay - ratio.imag
         moved = (ratio.real + 1j * (s.imag * delay - excess + tau * np.round(excess / tau))) / delay
         s = np.where(np.isfinite(moved), moved, s)
-    return np.concatenate([s, poles])
+    return np.concatenate([s, poles, _slow_roots(q, r, delay)])
 
 
 def _dips(q: FloatArray, delayed: Delayed) -> ComplexArray:
@@ -99,6 +101,13 @@ def _frequencies(roots: ComplexArray, delay: float) -> FloatArray:
 def _log_ratio(q: FloatArray, r: FloatArray, s: ComplexArray) -> ComplexArray:
     with np.errstate(all="ignore"):
         return np.asarray(np.log(-np.polyval(r, s) / np.polyval(q, s)))
+
+
+def _slow_roots(q: FloatArray, r: FloatArray, delay: float) -> ComplexArray:
+    """Roots of the equation with Padé's approximation of the dead time, good near s = 0."""
+    num, den = pade(PADE_ORDER, delay)
+    found = companion_roots(np.trim_zeros(add(np.convolve(q, den), np.convolve(r, num)), "f"))
+    return found[np.abs(found) * delay < 2 * PADE_ORDER]
 
 
 def _newton(q: FloatArray, delayed: Delayed, s: ComplexArray) -> ComplexArray:
