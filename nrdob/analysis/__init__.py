@@ -19,34 +19,12 @@ from .stability import LoopStability, Stability, judge, judge_observer, stabilit
 from .variance import NoiseVariance, noise_variance
 
 __all__ = [
-    "Ends",
-    "Locus",
-    "LoopMargins",
-    "LoopStability",
-    "MarginBounds",
-    "Margins",
-    "NoiseVariance",
-    "NyquistCount",
-    "Stability",
-    "encirclements",
-    "forced_response",
-    "judge",
-    "judge_observer",
-    "loop_margins",
-    "margin_bounds",
-    "margins",
-    "margins_at",
-    "minus_point",
-    "noise_variance",
-    "notable_frequencies",
-    "on_axis",
-    "quotient_margins",
-    "resolved_frequencies",
-    "rhp_roots",
-    "stability",
-    "step_response",
-    "subdivided",
-]
+    "Ends", "Locus", "LoopMargins", "LoopStability", "MarginBounds", "Margins", "NoiseVariance",
+    "NyquistCount", "Stability", "encirclements", "forced_response", "judge", "judge_observer",
+    "loop_margins", "margin_bounds", "margins", "margins_at", "minus_point", "noise_variance",
+    "notable_frequencies", "on_axis", "quotient_margins", "resolved_frequencies", "rhp_roots",
+    "stability", "step_response", "subdivided",
+]  # fmt: skip
 
 
 def __dir__() -> list[str]:

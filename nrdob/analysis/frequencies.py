@@ -63,23 +63,16 @@ def gentle_frequencies(*loops: Quotient) -> FloatArray:
         parts = np.ceil(np.sqrt(bends.max(axis=1) / BEND) * width)
         gentle = parts <= 1
         done.append(left[gentle])
-        left, width = left[~gentle], width[~gentle]
-        left, right = _cut(left, width, np.minimum(parts[~gentle], CUTS))
+        count = np.minimum(parts[~gentle], CUTS).astype(np.intp)
+        start, step = np.repeat(left[~gentle], count), np.repeat(width[~gentle] / count, count)
+        k = np.arange(count.sum()) - np.repeat(np.cumsum(count) - count, count)
+        left, right = start + k * step, start + (k + 1) * step
     omega = np.exp(np.sort(np.concatenate(done)))
     delayed = {id(p): p for loop in loops for p in loop.den if p.delay and p.neutral_ratio < 1}
     if not delayed:
         return omega
     own = [subdivided(_segments(p.without_origin), PER_SEGMENT) for p in delayed.values()]
     return reduce(np.union1d, own, omega)[1:]
-
-
-def _cut(left: FloatArray, width: FloatArray, parts: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Cut stretches into so many equal parts each: their left and right ends."""
-    count = parts.astype(np.intp)
-    k = np.arange(count.sum()) - np.repeat(np.cumsum(count) - count, count)
-    step = np.repeat(width / parts, count)
-    start = np.repeat(left, count)
-    return start + k * step, start + (k + 1) * step
 
 
 def _corners(factor: QuasiPolynomial) -> ComplexArray:

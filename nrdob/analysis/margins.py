@@ -24,16 +24,9 @@ from .nyquist import closed_around
 from .stability import Stability, judge, stability
 
 __all__ = [
-    "Ends",
-    "LoopMargins",
-    "MarginBounds",
-    "Margins",
-    "loop_margins",
-    "margin_bounds",
-    "margins",
-    "margins_at",
-    "quotient_margins",
-]
+    "Ends", "LoopMargins", "MarginBounds", "Margins", "loop_margins", "margin_bounds", "margins",
+    "margins_at", "quotient_margins",
+]  # fmt: skip
 
 
 TINY = 1e-200  # size of L below which it is 0

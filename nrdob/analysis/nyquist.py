@@ -22,13 +22,8 @@ from ..diagram import Quotient, as_quotient
 from ..numerics import QuasiPolynomial, RootCount, Term, add, count_rhp, follow_together
 
 __all__ = [
-    "NyquistCount",
-    "closed_around",
-    "encirclements",
-    "minus_point",
-    "nyquist_count",
-    "rhp_roots",
-]
+    "NyquistCount", "closed_around", "encirclements", "minus_point", "nyquist_count", "rhp_roots",
+]  # fmt: skip
 
 
 @dataclass(frozen=True)

@@ -23,18 +23,9 @@ from scipy.linalg import schur
 from ..numerics import Block, ComplexArray, FloatArray, IntArray
 
 __all__ = [
-    "MAX_DELAYS",
-    "NODES",
-    "across",
-    "delayed_response",
-    "panel_basis",
-    "panel_lengths",
-    "panel_matrices",
-    "radau",
-    "resolved_to",
-    "side_by_side",
-    "to_chebyshev",
-]
+    "MAX_DELAYS", "NODES", "across", "delayed_response", "panel_basis", "panel_lengths",
+    "panel_matrices", "radau", "resolved_to", "side_by_side", "to_chebyshev",
+]  # fmt: skip
 
 MAX_PANELS = 400_000  # panels that one march may take: a second or two
 MAX_PANELS_PER_DELAY = 20_000  # panels of one dead time that fit into memory

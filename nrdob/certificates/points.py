@@ -79,14 +79,11 @@ def _keep_to_half_plane(
     angles = np.array([np.angle(value * np.conj(first)) for value, *_ in found])
     middle = (angles.min(axis=0) + angles.max(axis=0)) / 2
     u = np.exp(1j * (np.angle(first) + middle))
-    held = np.all(
-        [
-            (np.conj(u) * value).real - np.abs((np.conj(u) * change).real) * SLACK > SLACK * rest
-            for value, change, rest in found
-        ],
-        axis=0,
-    )
-    return np.asarray(held)
+    held = [
+        (np.conj(u) * value).real - np.abs((np.conj(u) * change).real) * SLACK > SLACK * rest
+        for value, change, rest in found
+    ]
+    return np.asarray(np.all(held, axis=0))
 
 
 def _around(

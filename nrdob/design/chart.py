@@ -21,7 +21,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from contourpy import contour_generator
-from scipy.ndimage import distance_transform_edt, find_objects, label
+from scipy.ndimage import distance_transform_edt, label
 
 from ..numerics import FloatArray, IntArray, is_real
 from .chartborders import ChartLoops, borders_of
@@ -210,10 +210,10 @@ def _regions_of(
     """Count in every part, at two points of the larger ones."""
     depth = distance_transform_edt(np.pad(labels > 0, 1))[1:-1, 1:-1]
     sizes = np.bincount(labels.ravel())
+    parts = np.split(np.argsort(labels, axis=None, kind="stable"), np.cumsum(sizes)[:-1])
     sizes[0] = 0
-    boxes = find_objects(labels)
     order = [int(k) for k in np.argsort(-sizes) if sizes[k] >= SMALLEST]
-    places = [_inside(axes, labels, depth, k, boxes[k - 1]) for k in order]
+    places = [_inside(axes, depth, parts[k]) for k in order]
     names = axes[0].name, axes[1].name
     points = [dict(zip(names, place, strict=True)) for some in places for place in some]
     counted = iter(loops.counts(points))
@@ -232,15 +232,10 @@ def _regions_of(
 
 
 def _inside(
-    axes: tuple[Axis, Axis],
-    labels: IntArray,
-    depth: FloatArray,
-    number: int,
-    box: tuple[slice, slice],
+    axes: tuple[Axis, Axis], depth: FloatArray, part: IntArray
 ) -> list[tuple[float, float]]:
     """Give the point that is deepest in a part, and in a larger one another far from it."""
-    rows, columns = np.nonzero(labels[box] == number)
-    rows, columns = rows + box[0].start, columns + box[1].start
+    rows, columns = np.divmod(part, PIXELS)
     deep = depth[rows, columns]
     points = [int(deep.argmax())]
     if rows.size > 40 * SMALLEST:

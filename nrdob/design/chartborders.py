@@ -266,9 +266,7 @@ def _with_lambda(loops: ChartLoops, axes: tuple[Axis, Axis]) -> Iterator[Curve]:
 
 
 CROSSING: dict[tuple[str, str], Callable[..., Iterator[Curve]]] = {
-    ("time_constant", "delay"): _with_lambda,
-    ("time_constant", "gain"): _with_lambda,
-    ("time_constant", "lag"): _with_lambda,
+    **{("time_constant", second): _with_lambda for second in OFF},
     ("gain", "delay"): _with_delay,
     ("gain", "lag"): _gain_and_lag,
     ("lag", "delay"): _with_delay,

@@ -20,19 +20,9 @@ from ..diagram import real_number
 from ..numerics import BoolArray, FloatArray, IntArray, bisect, runs
 
 __all__ = [
-    "BESIDE",
-    "PIXELS",
-    "Axis",
-    "Border",
-    "beside_changes",
-    "check_value",
-    "cut",
-    "drawn",
-    "given_axis",
-    "level_set",
-    "parts",
-    "projected",
-]
+    "BESIDE", "PIXELS", "Axis", "Border", "beside_changes", "check_value", "cut", "drawn",
+    "given_axis", "level_set", "parts", "projected",
+]  # fmt: skip
 
 AXES = {
     "time_constant": "λ of the filter, in seconds",

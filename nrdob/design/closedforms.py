@@ -15,14 +15,9 @@ from ..diagram import LowPassFilter, real_number
 from .fastandslow import gain_bound
 
 __all__ = [
-    "disturbance_index",
-    "gain_bound",
-    "noise_index",
-    "sensitivity_floor",
-    "smallest_for_delay",
-    "smallest_for_double_lag",
-    "smallest_for_rhp_zero",
-]
+    "disturbance_index", "gain_bound", "noise_index", "sensitivity_floor", "smallest_for_delay",
+    "smallest_for_double_lag", "smallest_for_rhp_zero",
+]  # fmt: skip
 
 
 def smallest_for_delay(delay: float, order: int) -> float:

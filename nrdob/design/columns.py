@@ -10,14 +10,9 @@ from scipy.linalg import pascal
 from ..numerics import BoolArray, ComplexArray, FloatArray, companion_roots, convolved
 
 __all__ = [
-    "last_root",
-    "none_beyond",
-    "positive_roots",
-    "root_near",
-    "roots_of_columns",
-    "size_squared",
+    "last_root", "none_beyond", "positive_roots", "root_near", "roots_of_columns", "size_squared",
     "values_and_slopes",
-]
+]  # fmt: skip
 
 NEWTON, FARTHEST = 2, 1e-5  # steps that polish a root, and how far one may lead, against the root
 EPS = 16 * float(np.finfo(float).eps)  # value at a root, against the terms, that is rounding

@@ -184,15 +184,13 @@ def _on_axis(branches: Branches) -> list[CriticalTimeConstant]:
     true = _accepted(branches, where, value)
     # A pair leaves where the branch rises through the line as ω grows, and enters where it falls:
     # Re ds/dλ has the sign opposite to that of the slope.
-    directions = side(branches(of, at, low).real)[true]
+    directions = side(branches(of, at, low).real)[true].astype(int)
     where, value = where[true], value[true]
     critical = value.imag / where
     rough = branches.rounding(where, value) > ROUGH * np.abs(value)
     critical[rough] = _exactly(branches.mismatch, where[rough], critical[rough])
-    return [
-        CriticalTimeConstant(float(c), float(w), int(d))
-        for c, w, d in zip(critical, where, directions, strict=True)
-    ]
+    columns = critical.tolist(), where.tolist(), directions.tolist()
+    return [CriticalTimeConstant(*each) for each in zip(*columns, strict=True)]
 
 
 def _exactly(mismatch: Mismatch, omega: FloatArray, critical: FloatArray) -> FloatArray:
@@ -230,25 +228,19 @@ def _hidden_pairs(
     dips &= _near_line(branches.excess)[inner]
     of, at = np.nonzero(dips & (branches.excess.imag[inner] > 0))
     at = at + 1
-    left, right, way = omega[at - 1], omega[at + 1], sign[of, at]
-    bottom = _across(branches, of, at, way, left, right)
+    left, right = omega[at - 1], omega[at + 1]
+    bottom = _across(branches, (of, at, left, right), sign[of, at])
     through = np.isfinite(bottom)
     of, at, bottom = of[through], at[through], bottom[through]
     return (of, at, left[through], bottom), (of, at, bottom, right[through])
 
 
-def _across(
-    branches: Branches,
-    of: IntArray,
-    at: IntArray,
-    way: FloatArray,
-    low: FloatArray,
-    high: FloatArray,
-) -> FloatArray:
+def _across(branches: Branches, brackets: Brackets, way: FloatArray) -> FloatArray:
     """Find frequencies at which branches on one side, `way`, are on the other; nan for none.
 
     Around the lowest value ever more closely, until a parabola through it stays on its side.
     """
+    of, at, low, high = brackets
     found, share = np.full(of.size, np.nan), np.linspace(0, 1, ACROSS)
     k = np.arange(of.size)
     for _ in range(ZOOMS):

@@ -24,13 +24,9 @@ from ..numerics import (
 from .mismatch import Mismatch, multiplied
 
 __all__ = [
-    "INTEGRATOR",
-    "ROOT_AT_ORIGIN",
-    "Answer",
-    "right_half_plane_parity",
-    "roots_by_side",
+    "INTEGRATOR", "ROOT_AT_ORIGIN", "Answer", "right_half_plane_parity", "roots_by_side",
     "stabilizing_filter_exists",
-]
+]  # fmt: skip
 
 ROOT_AT_ORIGIN = (
     "p_B(0) = 0 for every filter 1/(λs + 1)^n: the process has a zero at s = 0, or the model more "

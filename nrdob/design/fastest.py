@@ -112,8 +112,7 @@ def _fastest(search: FilterSearch, plants: Any, deciding: list[int]) -> float | 
     def admissible(k: int) -> list[tuple[float, float]]:
         if not k:
             return search.admissible
-        each = FilterSearch.of(plants[k], search.model, search.family, search.max_ms)
-        return each.admissible
+        return FilterSearch.of(plants[k], search.model, search.family, search.max_ms).admissible
 
     while True:
         windows = reduce(intersection, map(admissible, deciding))

@@ -53,6 +53,7 @@ OWN, TRIED = "own", (1.0, 0.1, 10.0, 1e-2, 1e2, 1e-3, 1e3)
 """The only kind whose filters may be unstable, and the λ of which one should not be."""
 
 Factors = tuple[FloatArray, FloatArray, FloatArray, FloatArray]
+Parts = tuple[ComplexArray, ComplexArray, ComplexArray]
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -154,9 +155,8 @@ class Mismatch:
         return np.asarray((ERROR * of_D >= D) | (Nm <= ERROR * of_Nm))
 
     def _values(self, omega: FloatArray, exact: bool = False) -> list[ComplexArray]:
-        if exact:
-            return [_exactly_on_axis(p, omega) for p in self.factors]
-        return [values_on_axis(p, omega) for p in self.factors]
+        values = _exactly_on_axis if exact else values_on_axis
+        return [values(p, omega) for p in self.factors]
 
     def _sizes(self, omega: FloatArray) -> list[FloatArray]:
         return [np.polyval(np.abs(p), omega) for p in self.factors]
@@ -222,9 +222,7 @@ class Mismatch:
         E, Nf = (_rows(np.abs(table), omega) for table in (self._ahead, self.Nf))
         return np.asarray(ERROR * (off_a * E + off_b * Nf))
 
-    def terms(
-        self, omega: FloatArray, time_constant: FloatArray
-    ) -> tuple[ComplexArray, ComplexArray, ComplexArray]:
+    def terms(self, omega: FloatArray, time_constant: FloatArray) -> Parts:
         """Return a E, b Nf exp(-jωθ), and -D Nm Nf exp(-jωθm) or 0, at points (ω, λ), over s^m."""
         (a, b, waits), (E, Nf) = self._apart(omega), self._tables(omega)
         powers = [np.asarray(time_constant) ** k for k in range(len(E))]
@@ -245,9 +243,7 @@ class Mismatch:
             ahead, behind = (np.nan_to_num(part / most) for part in (ahead, behind))
         return size_squared(ahead) - size_squared(behind)
 
-    def _apart(
-        self, omega: FloatArray, exact: bool = False
-    ) -> tuple[ComplexArray, ComplexArray, ComplexArray]:
+    def _apart(self, omega: FloatArray, exact: bool = False) -> Parts:
         """Return a, b exp(-jωθ), and -D Nm exp(-jωθm) or 0, divided as p_B is."""
         s = 1j * np.asarray(omega)
         N, D, Nm, Dm = self._values(omega, exact)
@@ -299,15 +295,12 @@ class Mismatch:
 
     def leading(self, *, lagging: bool = False) -> list[FloatArray]:
         """Coefficients in λ, ascending, of the highest power of s in p_B of the three `terms`."""
-        parts = [(self.E, self.a, lagging), (self.Nf, self.b, 0), (self.Nf, -self.waiting, lagging)]
-        tables = [_wide(table) for table, *_ in parts]
-        degrees = [
-            (p.size + table.shape[1] if p.any() else 0) + more
-            for table, (_, p, more) in zip(tables, parts, strict=True)
-        ]
+        given = (self.E, self.a, lagging), (self.Nf, self.b, 0), (self.Nf, -self.waiting, lagging)
+        parts = [(_wide(table), p, more) for table, p, more in given]
+        degrees = [(p.size + table.shape[1] if p.any() else 0) + more for table, p, more in parts]
         return [
             table[:, 0] * p[0] * (degree == max(degrees))
-            for table, (_, p, _), degree in zip(tables, parts, degrees, strict=True)
+            for (table, p, _), degree in zip(parts, degrees, strict=True)
         ]
 
 

@@ -110,21 +110,17 @@ class Frequencies:
             )
         return float(positive_roots(square).max(initial=0.0))
 
-    def _last_above(self, omega: FloatArray, floor: float, gain: float) -> int:
-        """Give the number of the last frequency at which λ may exceed a floor; -1 for none."""
-        columns = self.mismatch.off_gain(omega, gain)
-        # Roots are dear: at most frequencies a bound tells that there is none beyond the floor.
-        possible = np.flatnonzero(~none_beyond(columns, floor))
-        found = possible[last_root(columns[:, possible]) > floor]
-        return int(found[-1]) if found.size else -1
-
     def above(self, floor: float, gain: float = 1.0) -> FloatArray:
         """Frequencies at which λ above a floor may be critical, or L as large as a gain."""
         omega = self.base
         longest = self.mismatch.longest_delay
         if not longest:
             return omega
-        last = omega[min(self._last_above(omega, floor, gain) + 1, omega.size - 1)]
+        columns = self.mismatch.off_gain(omega, gain)
+        # Roots are dear: at most frequencies a bound tells that there is none beyond the floor.
+        possible = np.flatnonzero(~none_beyond(columns, floor))
+        found = possible[last_root(columns[:, possible]) > floor]
+        last = omega[min(found.max(initial=-1) + 1, omega.size - 1)]
         step = 2 * pi / (longest * PER_TURN)
         if last > step * MAX_FREQUENCIES or last == omega[-1]:
             raise ValueError(

@@ -22,17 +22,11 @@ from ..numerics import BoolArray, FloatArray, IntArray, bisect
 from .mismatch import Mismatch
 from .mismatchgrid import Frequencies
 from .plantloops import PlantLoops
-from .timeconstants import intersection, stabilizing_set, stable_filters
+from .timeconstants import Interval, intersection, stabilizing_set, stable_filters
 
 __all__ = [
-    "Bracket",
-    "FilterSearch",
-    "admissible_time_constants",
-    "checked_ms",
-    "solved",
-]
-
-Interval = tuple[float, float]
+    "Bracket", "FilterSearch", "admissible_time_constants", "checked_ms", "solved",
+]  # fmt: skip
 
 PER_DECADE, DECADES = 16, 2  # how densely λ are tried, how far beyond the plant's time constants
 FAR, SPARSE = 12, 2  # how many decades beyond these, and how densely, they are tried, too

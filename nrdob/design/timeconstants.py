@@ -21,13 +21,11 @@ from .mismatch import Mismatch
 from .mismatchgrid import Frequencies
 
 __all__ = [
-    "CriticalTimeConstant",
-    "critical_time_constants",
-    "intersection",
-    "stabilizing_set",
-    "stabilizing_time_constants",
-    "stable_filters",
-]
+    "CriticalTimeConstant", "Interval", "critical_time_constants", "intersection",
+    "stabilizing_set", "stabilizing_time_constants", "stable_filters",
+]  # fmt: skip
+
+Interval = tuple[float, float]
 
 SAME = 1e-9  # relative distance below which two critical time constants are one
 
@@ -140,7 +138,7 @@ def stabilizing_time_constants(
     return intersection(found, stable_filters(frequencies.mismatch.family))
 
 
-def stabilizing_set(frequencies: Frequencies, floor: float) -> list[tuple[float, float]]:
+def stabilizing_set(frequencies: Frequencies, floor: float) -> list[Interval]:
     """Find the set of `stabilizing_time_constants` above a floor, or above the lowest one."""
     intervals, changes = _intervals(floor, _crossings(frequencies, floor))
     counts = _counts(frequencies.mismatch, intervals, changes)
@@ -157,7 +155,7 @@ def _matched(frequencies: Frequencies) -> bool:
     return not any(term.q.any() for term in frequencies.mismatch.behind)
 
 
-def stable_filters(family: FilterFamily) -> list[tuple[float, float]]:
+def stable_filters(family: FilterFamily) -> list[Interval]:
     """Find all λ for which the filters of a family are stable themselves."""
     if family.kind != "own":
         return [(0.0, inf)]
@@ -165,9 +163,7 @@ def stable_filters(family: FilterFamily) -> list[tuple[float, float]]:
     return stabilizing_set(Frequencies(Mismatch.of(1.0, 1.0, family)), 0.0)
 
 
-def intersection(
-    first: list[tuple[float, float]], second: list[tuple[float, float]]
-) -> list[tuple[float, float]]:
+def intersection(first: list[Interval], second: list[Interval]) -> list[Interval]:
     """Intersect two increasing lists of open intervals (low, high)."""
     pairs = ((max(a, c), min(b, d)) for a, b in first for c, d in second)
     return [(low, high) for low, high in pairs if low < high]
@@ -191,7 +187,7 @@ def _checked_floor(frequencies: Frequencies, floor: float | None) -> float:
 
 def _intervals(
     floor: float, critical: list[CriticalTimeConstant]
-) -> tuple[list[tuple[float, float]], list[int]]:
+) -> tuple[list[Interval], list[int]]:
     """Neighbouring ends, and by how much the count of roots changes at each lower one."""
     ends, changes = [floor], [0]
     for time_constant, frequency, direction in critical:
@@ -203,7 +199,7 @@ def _intervals(
 
 
 def _counts(
-    mismatch: Mismatch, intervals: list[tuple[float, float]], changes: list[int]
+    mismatch: Mismatch, intervals: list[Interval], changes: list[int]
 ) -> list[float | None]:
     """Count the roots in the right half plane in each interval; None where they cannot be.
 

@@ -29,7 +29,7 @@ import control as ct
 import numpy as np
 
 from ..diagram import as_fraction, nonzero
-from ..numerics import FloatArray, QuasiPolynomial, add, count_rhp, shared_factor, written
+from ..numerics import QuasiPolynomial, add, count_rhp, shared_factor, written
 from .columns import positive_roots
 from .existence import Answer
 
@@ -115,10 +115,11 @@ def observer_form(controller: Any, model: Any) -> ObserverForm:
         return ObserverForm(
             False, f"K does not stabilise the model: {where}; change K, or the model with it"
         )
-    blocks = [
-        _block(np.convolve(one, other), p.q / p.q[-1], p.q[-1])
-        for one, other in ((K.num, Gm.num), (K.num, Gm.den), (K.den, Gm.num))
-    ]
+    blocks, den = [], QuasiPolynomial(p.q / p.q[-1])
+    for one, other in ((K.num, Gm.num), (K.num, Gm.den), (K.den, Gm.num)):
+        num = QuasiPolynomial(np.convolve(one, other) / p.q[-1])
+        _, top, bottom = shared_factor(num, den)
+        blocks.append(ct.tf(top.q / bottom.q[-1], bottom.q / bottom.q[-1]))
     reason = "K stabilises the model, and K·model integrates"
     integrates = not (K.den[-1] and Gm.den[-1])
     if not integrates:
@@ -180,12 +181,6 @@ def stable_model_exists(controller: Any) -> Answer:
         said.append(f"{len(between)} of them between {ends_text}")
     reason = "the poles of K interlace with its real unstable zeros"
     return Answer(True, f"{reason}: {', '.join(said)}")
-
-
-def _block(num: FloatArray, den: FloatArray, constant: float) -> ct.TransferFunction:
-    """Build num/(constant den) in lowest terms, the constant coefficient of the denominator 1."""
-    _, top, bottom = shared_factor(QuasiPolynomial(num / constant), QuasiPolynomial(den))
-    return ct.tf(top.q / bottom.q[-1], bottom.q / bottom.q[-1])
 
 
 def _real_right(p: QuasiPolynomial) -> list[float]:

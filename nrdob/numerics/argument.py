@@ -29,15 +29,9 @@ from .stretches import (
 )
 
 __all__ = [
-    "ArgumentChange",
-    "Term",
-    "argument_change",
-    "argument_changes",
-    "frequency_range",
-    "rhp_counts",
-    "zero_free",
-    "zero_free_frequencies",
-]
+    "ArgumentChange", "Term", "argument_change", "argument_changes", "frequency_range",
+    "rhp_counts", "zero_free", "zero_free_frequencies",
+]  # fmt: skip
 
 MAX_SEGMENTS, MAX_STEPS = 400_000, 40_000  # stretches at most; if dominance is enough
 TOGETHER, LEAST_STEPS = 250, 4000  # sums at once, and least limit of stretches of each
@@ -130,7 +124,9 @@ def _changes(terms: Sequence[ManyTerms], scale: FloatArray) -> FloatArray:
         sums = Sums.between([term.of(few) for term in terms], scale[:, few], slowest, fastest)
         limit = max(MAX_STEPS // few.size, LEAST_STEPS)
         with np.errstate(all="ignore"):  # what is not finite is not certain
-            found = certified(sums, slowest, fastest, limit, pass_zeros=False)
+            found = certified(sums, slowest, fastest, limit)
+            for part in found.vanishing:
+                found.given_up[part.column] = True
             changes[few] = np.where(found.given_up, nan, sums.changes(found.rounds))
     return changes
 
@@ -251,8 +247,9 @@ def _legs(terms: Sequence[Term], scale: FloatArray, origin: int) -> tuple[int, l
         return 0, [_Leg(terms, scale, low, high)], 1.0
     longest, unit = max(T for _, T in terms), 1.0
     if longest and not 1 / FAR < longest < FAR:  # so that the powers of a dead time do not overflow
-        unit = 2.0 ** round(log2(longest))
-        terms, scale = _in_unit(terms, scale, unit)
+        unit = 2.0 ** round(log2(longest))  # which changes no digit
+        powers = (1 / unit) ** np.arange(scale.size - 1, -1, -1)
+        terms, scale = [Term(q * powers[-q.size :], T / unit) for q, T in terms], scale * powers
         _, high = _range_of_one(terms, scale)
     count = origin + scale.size + SERIES
     c, sizes = np.zeros(count), np.zeros(count)
@@ -328,19 +325,16 @@ def _dominance_radius(ratios: FloatArray, top: IntArray) -> FloatArray:
     return np.asarray(2.02 * np.max(powers, axis=0, initial=1e-300, where=behind > 0))
 
 
-def _outside(stretches: Stretches, low: float, high: float) -> Stretches:
-    """Cut out what lies between two frequencies."""
-    below = stretches._replace(right=np.minimum(stretches.right, low))
-    above = stretches._replace(left=np.maximum(stretches.left, high))
-    return Stretches.joined([part.where(part.left < part.right) for part in (below, above)])
-
-
 def _indented(sums: Sums, found: Certified, last: float) -> tuple[float, list[float]]:
     """Change where zeros are passed by half circles on the right, and the frequencies of these."""
     stretches, angle = Stretches.joined(found.rounds), 0.0
     passed = _half_circles(sums, found.vanishing)
     for low, high, around in passed:
-        stretches = _outside(stretches, low, high)
+        below = stretches._replace(right=np.minimum(stretches.right, low))
+        above = stretches._replace(left=np.maximum(stretches.left, high))
+        stretches = Stretches.joined(
+            [part.where(part.left < part.right) for part in (below, above)]
+        )
         angle += around if high < last else nan
     angle += float(sums.changes_over(stretches)[0])
     return angle, [(low + high) / 2 for low, high, _ in passed]
@@ -367,17 +361,6 @@ def _half_circles(sums: Sums, vanishing: list[Stretches]) -> list[tuple[float, f
                 centre, radius = (a + centre + radius) / 2, (centre + radius - a) / 2
         passed.append((centre - radius, centre + radius, angle))
     return passed
-
-
-def _in_unit(
-    terms: Sequence[Term], scale: FloatArray, unit: float
-) -> tuple[list[Term], FloatArray]:
-    """Write a sum over another unit of time, which changes no digit."""
-
-    def slower(q: FloatArray) -> FloatArray:
-        return q * (1 / unit) ** np.arange(q.size - 1, -1, -1)
-
-    return [Term(slower(q), T / unit) for q, T in terms], slower(scale)
 
 
 def _on_half_circle(sums: Sums, centre: float, radius: float) -> float | None:

@@ -101,12 +101,8 @@ def _frequencies(
     step = tau / (PER_TURN * delay)
     count = min((high - low) / step, MAX_FREQUENCIES)
     roots = np.concatenate([companion_roots(p) for p in polynomials])
-    grids = [
-        np.linspace(low, high, int(count) + 64),
-        np.geomspace(low, high, 64),
-        *frequencies_beside(roots, 60),
-    ]
-    omega = np.unique(np.concatenate(grids))
+    grids = [np.linspace(low, high, int(count) + 64), np.geomspace(low, high, 64)]
+    omega = np.unique(np.concatenate([*grids, *frequencies_beside(roots, 60)]))
     return np.asarray(omega[(omega >= low) & (omega <= high)])
 
 

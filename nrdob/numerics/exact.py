@@ -14,16 +14,9 @@ from math import gcd, nextafter, sqrt
 from .arrays import FloatArray
 
 __all__ = [
-    "Whole",
-    "multiply",
-    "positive_sign_changes",
-    "rhp_count",
-    "sign_at",
-    "squared_size",
-    "sturm_chain",
-    "total",
-    "whole",
-]
+    "Whole", "multiply", "positive_sign_changes", "rhp_count", "sign_at", "squared_size",
+    "sturm_chain", "total", "whole",
+]  # fmt: skip
 
 Whole = list[int]
 

@@ -1,15 +1,10 @@
 r"""Quasi-polynomials :math:`q(s) + r(s)\,e^{-sT} + …`: where the roots of a delayed loop live.
 
 There is one delayed term for every dead time: one in the process, another in a delayed model. The
-right half plane is known in independent ways, none of which approximates the delay away:
-
-- `nrdob.numerics.count_rhp` follows the argument of p along the imaginary axis (Mikhailov) in
-  certified steps, so that no resonance, however sharp, can slip between two frequencies.
-- `QuasiPolynomial.roots` are the roots themselves: eigenvalues (`nrdob.numerics.rootfinding`), or
-  with a long delay the rightmost ones (`nrdob.numerics.longdelay`).
-- `QuasiPolynomial.rhp_in_whole_numbers` asks the coefficients alone, without rounding: Routh and
-  Hurwitz's test (`nrdob.numerics.exact`), or with one delay Walton and Marshall's count; with two
-  the same crossings while one delay grows into the other (`nrdob.numerics.crossingcount`).
+right half plane is known in independent ways, none of which approximates the delay away: by the
+argument along the imaginary axis (`nrdob.numerics.count_rhp`); by the roots, which are eigenvalues,
+or with a long delay the rightmost ones; and from the coefficients alone, without rounding, by Routh
+and Hurwitz's test or Walton and Marshall's crossings (`nrdob.numerics.crossingcount`).
 """
 
 from __future__ import annotations
@@ -287,20 +282,14 @@ class QuasiPolynomial:
         `roots_resolved` is false roots of which none lies further to the right than the first, or
         none at all if that is not certain.
         """
-        found = self._eigenvalues
+        found, p = self._eigenvalues, self.without_origin
         if found is None:
-            found = self.without_origin._rightmost
+            found = rightmost_roots(p.q, p.delayed)
+            origin = (np.abs(found) * p.delay <= AT_ORIGIN) & (p.divided > 0)
+            # Of the root next to one at s = 0 that is the rightmost nothing is known.
+            found = found[:0] if origin[:1].any() else found[~origin]
         found = np.concatenate([found, np.zeros(self.zeros_at_origin)])
         return found[np.lexsort((-found.imag, -found.real))]
-
-    @property
-    def _rightmost(self) -> ComplexArray:
-        found = rightmost_roots(self.q, self.delayed)
-        if not self.divided:
-            return found
-        origin = np.abs(found) * self.delay <= AT_ORIGIN
-        # Of the root next to one at s = 0 that is the rightmost nothing is known.
-        return found[:0] if origin[:1].any() else found[~origin]
 
     @property
     def roots_resolved(self) -> bool:

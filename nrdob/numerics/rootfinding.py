@@ -19,14 +19,9 @@ import numpy as np
 from .arrays import BoolArray, ComplexArray, FloatArray
 
 __all__ = [
-    "Delayed",
-    "companion_roots",
-    "delay_roots",
-    "frequencies_beside",
-    "polynomial_roots",
-    "value_and_slope",
-    "vanishing",
-]
+    "Delayed", "companion_roots", "delay_roots", "frequencies_beside", "polynomial_roots",
+    "value_and_slope", "vanishing",
+]  # fmt: skip
 # Polynomials behind their delays in seconds.
 Delayed = Sequence[tuple[FloatArray, float]]
 

@@ -123,11 +123,10 @@ def _suggested(f: QuasiPolynomial, g: QuasiPolynomial) -> Iterator[FloatArray]:
     for nearness in NEARNESS:
         for rows, columns in _neighbourhoods(distance <= nearness):
             near = distance[np.ix_(rows, columns)]
-            fewer, order = (
-                (p[rows], np.argsort(near.min(axis=1)))
-                if rows.size <= columns.size
-                else (q[columns], np.argsort(near.min(axis=0)))
-            )
+            if rows.size <= columns.size:
+                fewer, order = p[rows], np.argsort(near.min(axis=1))
+            else:
+                fewer, order = q[columns], np.argsort(near.min(axis=0))
             for count in range(fewer.size, 0, -1):
                 chosen = _with_conjugates(fewer[order[:count]])
                 if (key := tuple(np.sort_complex(chosen))) not in tried:

@@ -24,15 +24,9 @@ import numpy as np
 from .arrays import ROUNDING, BoolArray, ComplexArray, FloatArray, IntArray
 
 __all__ = [
-    "ZERO_FREE",
-    "Certified",
-    "ManyTerms",
-    "Stretches",
-    "Sums",
-    "binomial",
-    "certified",
+    "ZERO_FREE", "Certified", "ManyTerms", "Stretches", "Sums", "binomial", "certified",
     "multiplied",
-]
+]  # fmt: skip
 
 PER_OCTAVE, AT_FIRST = 6, 2000  # stretches to begin with: many take less time than many rounds
 SAFETY = 1.05  # value against its Taylor bound, so that no zero hides at the end of a step
@@ -277,13 +271,7 @@ class Sums(NamedTuple):
 
 
 def certified(
-    sums: Sums,
-    low: float,
-    high: float,
-    limit: int,
-    *,
-    dominance: bool = True,
-    pass_zeros: bool = True,
+    sums: Sums, low: float, high: float, limit: int, *, dominance: bool = True
 ) -> Certified:
     """Cut the axis between two frequencies, at most `limit` times for each sum."""
     n = sums.scale.shape[1]
@@ -313,7 +301,6 @@ def certified(
         gone = vanishing[unknown] | (middle <= left) | (middle >= right)
         if gone.any():
             found.vanishing.append(Stretches(column, left, right, column).where(gone))
-            found.given_up[column[gone]] |= not pass_zeros
         steps += 2 * np.bincount(column, minlength=n)
         np.logical_or(found.given_up, steps > limit, out=found.given_up)
         more = ~(gone | found.given_up[column])
