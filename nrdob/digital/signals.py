@@ -93,7 +93,13 @@ def external_signals(
 
 
 def signal_at(signal: Any, name: str, time: FloatArray) -> FloatArray:
-    """Read a signal at the times (N,) of the samples; a refusal says its `name`."""
+    """Read a signal at the times of the samples.
+
+    Parameters
+    ----------
+    signal, name, time : Signal, str, (N,) array
+        A refusal, TypeError or ValueError, says the name.
+    """
     remedy = "a number, an array with one value for each sample, or a function of the times"
     found = _numbers(signal(time) if callable(signal) else signal, name, remedy)
     if found.ndim == 0:
