@@ -7,17 +7,8 @@
 
 from __future__ import annotations
 
-from . import (
-    bands,
-    conclusions,
-    example3,
-    example4,
-    examples12,
-    lemma1,
-    mismatch,
-    robustness,
-    section2,
-)
+from importlib import import_module
+
 from .ledger import Amendment, Claim, Entry, Finding, LedgerError, Verdict, in_one_ledger, settle
 from .signals import loop_modes
 
@@ -26,11 +17,9 @@ __all__ = [
     "check", "loop_modes",
 ]  # fmt: skip
 
-_PARTS = (  # as in the paper
-    section2, bands, lemma1, mismatch, robustness, examples12, example3, example4, conclusions,
-)  # fmt: skip
+_PARTS = "section2 bands lemma1 mismatch robustness examples12 example3 example4 conclusions"
 
-LEDGER = in_one_ledger(part.SECTION for part in _PARTS)
+LEDGER = in_one_ledger(import_module(f".{part}", __name__).SECTION for part in _PARTS.split())
 """Every claim by its id, in the order of the paper.
 
 :meta hide-value:

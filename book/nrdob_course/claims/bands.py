@@ -15,22 +15,9 @@ from nrdob.loop import NRDOB
 from nrdob.numerics import ComplexArray, FloatArray, number
 from nrdob.paper import EXAMPLES, example
 
-from .ledger import Finding
+from .ledger import ABOUT, EXACT, NEAR, STOPPED, Finding, counted, every, numbers, same
 from .recurring import filtered, section
-from .signals import (
-    ABOUT,
-    EXACT,
-    NEAR,
-    ORDERS,
-    STOPPED,
-    Values,
-    counted,
-    every,
-    is_stable,
-    many_loops,
-    numbers,
-    same,
-)
+from .signals import ORDERS, Values, is_stable, many_loops
 
 __all__ = ["SECTION"]
 

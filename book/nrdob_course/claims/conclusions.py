@@ -13,9 +13,9 @@ from nrdob.loop import NRDOB
 from nrdob.numerics import QuasiPolynomial, number
 from nrdob.paper import example
 
-from .ledger import Finding
+from .ledger import Finding, counted, every
 from .recurring import both, section
-from .signals import counted, every, is_stable, turned
+from .signals import is_stable, turned
 
 __all__ = ["REFERENCE_2", "SECTION"]
 

@@ -12,27 +12,20 @@ from nrdob.loop import NRDOB
 from nrdob.numerics import ComplexArray, number
 from nrdob.paper import example
 
-from .ledger import Finding
-from .recurring import section
+from .ledger import EXACT, TOLERANCE, Finding, counted, every, numbers, same
+from .recurring import printed_map, section
 from .signals import (
-    EXACT,
     PRINTED_MAPS,
     QUADRUPLES,
-    TOLERANCE,
     Values,
-    counted,
-    every,
     in_right_half,
     loop_modes,
     many_loops,
     modes,
     n_p,
-    numbers,
-    printed_map,
     random_loops,
     random_points,
     rightmost,
-    same,
     turns_around_minus_one,
 )
 

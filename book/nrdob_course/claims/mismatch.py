@@ -18,23 +18,17 @@ from nrdob.numerics import number
 from nrdob.paper import EXAMPLES, example
 from nrdob.plants import resonance
 
-from .ledger import Finding
+from .ledger import EXACT, TOLERANCE, Finding, counted, every, numbers, same
 from .recurring import section
 from .signals import (
-    EXACT,
     QUADRUPLES,
-    TOLERANCE,
     Values,
-    counted,
     critical_gain,
-    every,
     in_right_half,
     n_p,
-    numbers,
     random_loops,
     random_points,
     rightmost,
-    same,
     turns,
     turns_around_minus_one,
 )

@@ -15,27 +15,9 @@ from nrdob.numerics import FloatArray, number
 from nrdob.paper import example
 from nrdob.sampling import random_block
 
-from .ledger import Finding
-from .recurring import section
-from .signals import (
-    ABOUT,
-    EXACT,
-    NEAR,
-    ORDERS,
-    PRINTED_MAPS,
-    QUADRUPLES,
-    STOPPED,
-    TO_OUTPUT,
-    TOLERANCE,
-    Values,
-    counted,
-    every,
-    is_refused,
-    many_loops,
-    numbers,
-    random_points,
-    same,
-)
+from .ledger import ABOUT, EXACT, NEAR, STOPPED, TOLERANCE, Finding, counted, every, numbers, same
+from .recurring import TO_OUTPUT, section
+from .signals import ORDERS, PRINTED_MAPS, QUADRUPLES, Values, is_refused, many_loops, random_points
 
 __all__ = ["SECTION"]
 
