@@ -33,8 +33,6 @@ def _gain_error(rng: np.random.Generator) -> float:
 
 
 # --- 1.1 What is left when all has settled ------------------------------------------------------
-
-
 @dataclass(frozen=True, eq=False)
 class SettledCase:
     """Gains at s = 0 of a stable loop with F(0) = 1."""
@@ -138,8 +136,6 @@ SETTLED = pose(
 
 
 # --- 1.3 The polynomial of the observer ---------------------------------------------------------
-
-
 @dataclass(frozen=True, eq=False)
 class PolynomialCase:
     """Polynomials of a loop, coefficients in descending powers of s."""
@@ -246,8 +242,6 @@ POLYNOMIAL = pose(
 
 
 # --- 1.4 The plant's gain, read off a curve -----------------------------------------------------
-
-
 @dataclass(frozen=True, eq=False)
 class SensitivityCase:
     """A loop whose |S_d| was measured: `case.plot()` draws it."""
@@ -340,8 +334,6 @@ READING = pose(
 
 
 # --- 1.5 Find the error: three degrees of freedom -----------------------------------------------
-
-
 class TwinCase(LoopCase):
     """A stable loop, for which a twin is to be found."""
 
@@ -462,8 +454,6 @@ TWIN = pose(
 
 
 # --- 1.6 A filter for three wishes ----------------------------------------------------------------
-
-
 @dataclass(frozen=True, eq=False)
 class WishCase:
     """What a filter should do, for a plant that its model describes."""

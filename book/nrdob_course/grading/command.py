@@ -44,8 +44,6 @@ Notebook = Any
 
 
 # --- grading ------------------------------------------------------------------------------------
-
-
 def grade(
     folder: Path,
     wanted: Sequence[str] = (),
@@ -281,8 +279,6 @@ def write_anew(
 
 
 # --- changing -----------------------------------------------------------------------------------
-
-
 def override(
     target: Path, key: Key, points: str, who: str, why: str, plan: Course | None = None
 ) -> int:
@@ -351,8 +347,6 @@ def regrade(
 
 
 # --- command line -------------------------------------------------------------------------------
-
-
 def login() -> str:
     """Tell who is at the keyboard; where the system does not know, nobody does."""
     try:
