@@ -13,15 +13,13 @@ rest. Beside it ``{diagram} nrdob`` draws a block diagram of the package on a pa
 notebook.
 """
 
-from __future__ import annotations
-
 import base64
 import json
 import tomllib
 from dataclasses import dataclass, field, replace
 from html import escape
 from pathlib import Path
-from typing import Any
+from typing import Any, Self
 
 import control as ct
 import numpy as np
@@ -62,7 +60,7 @@ class Scene:
         """The coefficients that the script starts from."""
         return coefficients(self.loop) | self.more
 
-    def charted(self) -> Scene:
+    def charted(self) -> Self:
         """Begin with the whole dead time as one that can be moved."""
         start = self.start | {"delay": self.loop.delay}
         return replace(self, start=start, more=self.more | {"delay": 0.0})

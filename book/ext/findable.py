@@ -10,8 +10,6 @@ glossary leads, those with the word in a heading, and those whose text has it of
 the package stay out: they have a page of their own, and would drown the rest.
 """
 
-from __future__ import annotations
-
 import json
 import re
 from functools import cache

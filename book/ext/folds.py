@@ -14,8 +14,6 @@ they would be two things to click, each called like all the others; here they be
 "Solution of exercise 3". Any other folded cell says what is behind it.
 """
 
-from __future__ import annotations
-
 import re
 from collections.abc import Callable
 from typing import Any, ClassVar

@@ -4,8 +4,6 @@ The address of the repository is written once, in `pyproject.toml` under ``[tool
 as it is empty nothing is shown that would need it.
 """
 
-from __future__ import annotations
-
 import tomllib
 from pathlib import Path
 from typing import Any

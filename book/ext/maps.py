@@ -18,8 +18,6 @@ out of the openings of the chapters themselves. And
 leads from the equations, lemmas, figures and examples of the paper to chapters and ledger.
 """
 
-from __future__ import annotations
-
 import re
 from collections import defaultdict
 from collections.abc import Iterable

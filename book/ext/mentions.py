@@ -11,8 +11,6 @@ one, stands in `statements`; the build fails on it. ``{theorem-index}`` stands f
 theorems, which is made from the chapters each time it is read.
 """
 
-from __future__ import annotations
-
 import re
 from collections.abc import Iterator
 from typing import Any

@@ -10,8 +10,6 @@ a chapter leads to its file, where it can be enlarged. The arrows that open a pa
 get a name for those who hear the page, and so do empty corners of tables.
 """
 
-from __future__ import annotations
-
 import re
 from html import escape
 from typing import Any

@@ -7,8 +7,6 @@ chapter is missing. The pages are written in any case, with what could be settle
 author of a chapter can look at them.
 """
 
-from __future__ import annotations
-
 import re
 import sys
 import time

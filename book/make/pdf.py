@@ -4,8 +4,6 @@ A browser sets it: Debian's Chromium, or any other on the path. Formulas are set
 printed twice, the second time with the page numbers in the contents. It takes some minutes.
 """
 
-from __future__ import annotations
-
 import logging
 import re
 import shutil

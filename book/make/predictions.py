@@ -5,8 +5,6 @@ cell, made here, with the figures attached: each choice can be opened and tells 
 it, without a kernel or a script.
 """
 
-from __future__ import annotations
-
 import re
 import sys
 from dataclasses import dataclass

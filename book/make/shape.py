@@ -3,8 +3,6 @@
 Nothing here needs Sphinx: the tests and the build ask the same function.
 """
 
-from __future__ import annotations
-
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path

@@ -21,8 +21,6 @@ entry. Read, it gives its parts as Markdown:
 Nothing here needs Sphinx: the tests and the build ask the same functions.
 """
 
-from __future__ import annotations
-
 import re
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass

@@ -8,8 +8,6 @@ ask a student, what earns points where somebody reads the answer. The exit code 
 reason is listed, if the two do not fit together; the pages are written in any case.
 """
 
-from __future__ import annotations
-
 import re
 import sys
 import tomllib

@@ -5,8 +5,6 @@ student's code has made is ever run or trusted where the points are given: a loo
 blocks, and is judged afresh.
 """
 
-from __future__ import annotations
-
 import base64
 import json
 import pickle

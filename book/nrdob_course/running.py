@@ -1,7 +1,5 @@
 """Run one notebook so that the result depends on the notebook, the code and the versions alone."""
 
-from __future__ import annotations
-
 import os
 from pathlib import Path
 from typing import Any

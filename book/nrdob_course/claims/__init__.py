@@ -5,8 +5,6 @@
 'reproduced'
 """
 
-from __future__ import annotations
-
 from importlib import import_module
 
 from .ledger import Amendment, Claim, Entry, Finding, LedgerError, Verdict, in_one_ledger, settle
@@ -20,10 +18,7 @@ __all__ = [
 _PARTS = "section2 bands lemma1 mismatch robustness examples12 example3 example4 conclusions"
 
 LEDGER = in_one_ledger(import_module(f".{part}", __name__).SECTION for part in _PARTS.split())
-"""Every claim by its id, in the order of the paper.
-
-:meta hide-value:
-"""
+"""Every claim by its id, in the order of the paper."""
 
 
 def check(id: str) -> Entry:

@@ -1,7 +1,5 @@
 """Eqs. (5) and (6): what the loop does at low and at high frequency, and what follows."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from math import inf, sqrt
 from typing import Any

@@ -1,7 +1,5 @@
 """Section V and the references."""
 
-from __future__ import annotations
-
 import re
 from itertools import product
 

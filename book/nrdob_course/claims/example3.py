@@ -1,7 +1,5 @@
 """Section IV: Example 3, an unstable process."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from itertools import product
 from math import pi, sqrt

@@ -1,7 +1,5 @@
 """Section IV: Example 4, a process with dead time."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from itertools import product
 from math import exp, inf, log1p, pi

@@ -1,7 +1,5 @@
 """Examples 1 (a matched model) and 2 (a zero left out of the model)."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from math import cos, pi, tan
 

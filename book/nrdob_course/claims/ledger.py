@@ -6,8 +6,6 @@ a name of its own, so that a check that fails tells which. The verdict follows f
 found; a claim whose check has not run, or did not find what the ledger says, has none.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 from enum import StrEnum

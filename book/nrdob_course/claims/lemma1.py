@@ -1,7 +1,5 @@
 """Eq. (7) and Lemma 1: what makes the loop internally stable."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import control as ct

@@ -1,7 +1,5 @@
 """What Section III says of the mismatch H, and of the three blocks."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from itertools import product
 from math import nan

@@ -1,7 +1,5 @@
 """Checks that recur: printed maps, margins and functions, step responses, variations."""
 
-from __future__ import annotations
-
 import tomllib
 from collections.abc import Callable
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """Lemma 2 and Corollary 1: robustness, and the perfect model."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from math import inf
 

@@ -1,7 +1,5 @@
 """Sections I and II: the loop, its diagram and its filter."""
 
-from __future__ import annotations
-
 from functools import reduce
 from itertools import product
 from math import sqrt

@@ -7,11 +7,9 @@ random ones is no coincidence. `modes` does the same for the whole diagram as a 
 eigenvalues know nothing of p_A, p_B or any encirclement.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from math import inf
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, Self
 
 import numpy as np
 from scipy.linalg import block_diag
@@ -51,18 +49,18 @@ class Values(NamedTuple):
     F: ComplexArray
 
     @classmethod
-    def random(cls, rng: np.random.Generator | int, count: int = QUADRUPLES) -> Values:
+    def random(cls, rng: np.random.Generator | int, count: int = QUADRUPLES) -> Self:
         """Draw complex numbers for the four blocks, around 1 in size."""
         parts = np.random.default_rng(rng).normal(size=(2, len(cls._fields), count))
         return cls(*(parts[0] + 1j * parts[1]))
 
     @classmethod
-    def of(cls, loop: NRDOB, s: ComplexArray) -> Values:
+    def of(cls, loop: NRDOB, s: ComplexArray) -> Self:
         """Evaluate the blocks of a loop."""
         return cls(loop.G(s), loop.Gm(s), loop.C(s), loop.F(s))
 
     @property
-    def matched(self) -> Values:
+    def matched(self) -> Self:
         """The same blocks with a perfect model."""
         return self._replace(G=self.Gm)
 
@@ -130,10 +128,7 @@ PRINTED_MAPS: dict[str, Callable[[Values], ComplexArray]] = {
     "U_eta": lambda v: -v.F / v.B,
     "U_delta": lambda v: v.Gm * (1 - v.F) / v.B,
 }
-"""Eqs. (4) and (7) as the paper prints them.
-
-:meta hide-value:
-"""
+"""Eqs. (4) and (7) as the paper prints them."""
 
 
 def random_points(rng: np.random.Generator) -> ComplexArray:

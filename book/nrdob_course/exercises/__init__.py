@@ -7,8 +7,6 @@ In a notebook, `check` gives immediate feedback and `score`, in the hidden tests
 Nothing to check yet: replace the placeholder by your answer and run this cell again.
 """
 
-from __future__ import annotations
-
 import contextlib
 import os
 import re
@@ -35,10 +33,7 @@ _POSED = [held for held in _HELD if isinstance(held, Problem)]
 PROBLEMS: dict[str, Problem] = {
     each.id: each for each in sorted(_POSED, key=lambda each: tuple(map(int, each.id.split("."))))
 }
-"""Every problem by its id, in their order, found in the modules set1, set2, …
-
-:meta hide-value:
-"""
+"""Every problem by its id, in their order, found in the modules set1, set2, …"""
 
 
 def own_case(id: str, group: int) -> Case:

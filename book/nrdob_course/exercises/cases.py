@@ -1,7 +1,5 @@
 """What the problem sets share: plants and models, written in factors, and the verdict on p_B."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Any

@@ -1,7 +1,5 @@
 """Judge an answer on some cases, and say what comes of it."""
 
-from __future__ import annotations
-
 import copy
 import time
 import warnings

@@ -1,7 +1,5 @@
 """Set 1: the loop and its equations; models and filters."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field, replace

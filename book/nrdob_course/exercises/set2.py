@@ -1,7 +1,5 @@
 """Set 2: counting encirclements, and Lemma 1."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import partial

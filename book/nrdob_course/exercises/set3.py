@@ -1,7 +1,5 @@
 """Set 3: margins, and Lemma 2."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import partial

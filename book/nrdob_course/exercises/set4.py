@@ -1,7 +1,5 @@
 """Set 4: choosing F, stabilising sets and trade-offs."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cache, partial

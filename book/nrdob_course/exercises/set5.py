@@ -1,7 +1,5 @@
 """Set 5: unstable and delayed plants."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cache, partial

@@ -1,7 +1,5 @@
 """Set 7: the bench: by calculation, and by simulation."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import partial

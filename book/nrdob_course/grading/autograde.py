@@ -7,8 +7,6 @@ them. Reading the libraries takes longer than grading, and so does drawing the c
 tests, which are everybody's: both are done before the fork.
 """
 
-from __future__ import annotations
-
 import json
 import multiprocessing
 import os

@@ -4,8 +4,6 @@ Of such a process Jupyter gets its kernels: copies of one that has read their li
 seconds. It knows no more than a kernel does, and nothing of the graders, see `kernel`.
 """
 
-from __future__ import annotations
-
 import gc
 import json
 import subprocess

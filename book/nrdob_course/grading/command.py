@@ -4,8 +4,6 @@ The result is a course in nbgrader's layout, with tables and pages of ours: see
 ``book/teaching/running.md``, and ``python -m nrdob_course.grading --help``.
 """
 
-from __future__ import annotations
-
 import argparse
 import csv
 import getpass

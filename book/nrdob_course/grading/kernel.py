@@ -9,8 +9,6 @@ Without arguments it starts kernels as copies of itself: an order has the argume
 its environment, the answer is the process.
 """
 
-from __future__ import annotations
-
 import base64
 import builtins
 import json

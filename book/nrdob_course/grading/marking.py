@@ -7,8 +7,6 @@ code. Points and comments are typed beside the answers; a button writes them as 
 glance: points for each problem, the mistakes that were recognised, and times.
 """
 
-from __future__ import annotations
-
 import base64
 import hashlib
 import re

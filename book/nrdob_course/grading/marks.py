@@ -5,8 +5,6 @@ Canvas import ``moodle_set1.csv`` and ``canvas.csv``. What the gradebook does no
 group, what could not be graded) is kept beside it.
 """
 
-from __future__ import annotations
-
 import csv
 import json
 import re

@@ -7,8 +7,6 @@ kernel, a cell that is gone or doubled. What cannot be read or told apart is ref
 reason; it never stops the others.
 """
 
-from __future__ import annotations
-
 import ast
 import json
 import os
