@@ -8,8 +8,7 @@ import control as ct
 import numpy as np
 from scipy.optimize import brentq
 
-from nrdob.diagram import LowPassFilter
-from nrdob.loop import NRDOB
+from nrdob import NRDOB, LowPassFilter
 from nrdob.numerics import ComplexArray, FloatArray, number
 from nrdob.paper import EXAMPLES, example
 

@@ -5,9 +5,8 @@ from itertools import product
 
 import numpy as np
 
+from nrdob import NRDOB, LowPassFilter, interpolating_filter
 from nrdob.analysis import judge
-from nrdob.diagram import LowPassFilter, interpolating_filter
-from nrdob.loop import NRDOB
 from nrdob.numerics import QuasiPolynomial, number
 from nrdob.paper import example
 

@@ -8,13 +8,11 @@ from typing import Any
 import numpy as np
 from scipy.optimize import brentq
 
-from nrdob.analysis import encirclements
-from nrdob.diagram import LowPassFilter, Quotient
-from nrdob.loop import NRDOB
+from nrdob import NRDOB, LowPassFilter, encirclements, largest_box, plant_family, sweep
+from nrdob.diagram import Quotient
 from nrdob.numerics import number
 from nrdob.paper import PRINTED_FUNCTIONS, PrintedFunction, example
 from nrdob.plotting import turns
-from nrdob.uncertain import largest_box, plant_family, sweep
 
 from .ledger import Finding, counted, every, same
 from .recurring import border, both, filtered, map_text, npz, npz_text, performance, section

@@ -6,13 +6,12 @@ from math import exp, inf, log1p, pi
 
 import numpy as np
 
-from nrdob.analysis import encirclements, minus_point
-from nrdob.diagram import DelayedTransferFunction, LowPassFilter, Quotient
-from nrdob.loop import NRDOB
+from nrdob import NRDOB, LowPassFilter, encirclements, largest_box, plant_family, sweep
+from nrdob.analysis import minus_point
+from nrdob.diagram import DelayedTransferFunction, Quotient
 from nrdob.numerics import QuasiPolynomial, count_rhp, number
 from nrdob.paper import example
 from nrdob.plotting import turns
-from nrdob.uncertain import largest_box, plant_family, sweep
 
 from .ledger import Finding, same
 from .recurring import OMEGA, border, filtered, inverse_degree, npz, npz_text, section

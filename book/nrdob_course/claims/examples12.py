@@ -6,12 +6,11 @@ from math import cos, pi, tan
 import control as ct
 import numpy as np
 
-from nrdob.analysis import encirclements, minus_point
-from nrdob.diagram import INPUTS, LowPassFilter
-from nrdob.loop import NRDOB
+from nrdob import NRDOB, LowPassFilter, encirclements, plant_family, sweep
+from nrdob.analysis import minus_point
+from nrdob.diagram import INPUTS
 from nrdob.numerics import number
 from nrdob.paper import example
-from nrdob.uncertain import plant_family, sweep
 
 from .ledger import Finding, same
 from .recurring import both, filtered, inverse_degree, map_text, npz, performance, section, steps

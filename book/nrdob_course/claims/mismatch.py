@@ -9,9 +9,8 @@ import control as ct
 import numpy as np
 from scipy.optimize import brentq
 
-from nrdob.analysis import encirclements
-from nrdob.diagram import Fraction, LowPassFilter, Quotient
-from nrdob.loop import NRDOB
+from nrdob import NRDOB, LowPassFilter, encirclements
+from nrdob.diagram import Fraction, Quotient
 from nrdob.numerics import number
 from nrdob.paper import EXAMPLES, example
 from nrdob.plants import resonance

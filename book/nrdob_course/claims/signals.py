@@ -15,9 +15,8 @@ import numpy as np
 from scipy.linalg import block_diag
 from scipy.optimize import brentq
 
-from nrdob import paper
+from nrdob import NRDOB, paper
 from nrdob.diagram import Fraction, Quotient
-from nrdob.loop import NRDOB
 from nrdob.numerics import ComplexArray, FloatArray
 from nrdob.sampling import random_loop
 

@@ -7,10 +7,9 @@ from functools import partial
 import control as ct
 import numpy as np
 
+from nrdob import NRDOB, LowPassFilter, stabilizing_time_constants
 from nrdob.analysis import judge, resolved_frequencies
-from nrdob.design import right_half_plane_parity, stabilizing_time_constants
-from nrdob.diagram import LowPassFilter
-from nrdob.loop import NRDOB
+from nrdob.design import right_half_plane_parity
 from nrdob.numerics import ComplexArray, FloatArray, QuasiPolynomial
 
 from .cases import LoopCase, UnstablePlant, alike, around, factored, mirrored, on_the_right, s

@@ -9,9 +9,8 @@ from typing import Any
 import control as ct
 import numpy as np
 
+from nrdob import NRDOB, LowPassFilter
 from nrdob.analysis import LoopMargins, MarginBounds, margin_bounds
-from nrdob.diagram import LowPassFilter
-from nrdob.loop import NRDOB
 from nrdob.numerics import ComplexArray, FloatArray
 from nrdob.plants import antiresonance, resonance
 from nrdob.plotting import Figure

@@ -11,8 +11,8 @@ import numpy as np
 from scipy.optimize import brentq
 from scipy.signal import butter
 
+from nrdob import NRDOB, LowPassFilter, critical_time_constants
 from nrdob.design import (
-    critical_time_constants,
     disturbance_index,
     gain_bound,
     noise_index,
@@ -23,13 +23,11 @@ from nrdob.design import (
 )
 from nrdob.diagram import (
     DelayedTransferFunction,
-    LowPassFilter,
     ObserverEquations,
     as_fraction,
     filter_fraction,
     rational_power,
 )
-from nrdob.loop import NRDOB
 from nrdob.numerics import ComplexArray, FloatArray, QuasiPolynomial
 from nrdob.plotting import Figure
 

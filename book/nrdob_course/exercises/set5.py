@@ -10,13 +10,9 @@ import control as ct
 import numpy as np
 from scipy.optimize import brentq, minimize_scalar
 
-from nrdob.design import (
-    critical_time_constants,
-    right_half_plane_parity,
-    stabilizing_time_constants,
-)
-from nrdob.diagram import DelayedTransferFunction, LowPassFilter, as_fraction, delay
-from nrdob.loop import NRDOB
+from nrdob import NRDOB, LowPassFilter, critical_time_constants, delay, stabilizing_time_constants
+from nrdob.design import right_half_plane_parity
+from nrdob.diagram import DelayedTransferFunction, as_fraction
 from nrdob.numerics import FloatArray
 from nrdob.plotting import Figure
 

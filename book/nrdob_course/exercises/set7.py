@@ -10,10 +10,9 @@ import control as ct
 import numpy as np
 
 import nrdob
-from nrdob.diagram import LowPassFilter, delay
+from nrdob import NRDOB, LowPassFilter, delay
 from nrdob.digital import ActuatorLimits, SampledLoop
 from nrdob.drives import Counting, Drive, Encoder, Friction, OneMass, TwoMasses, encoded
-from nrdob.loop import NRDOB
 from nrdob.numerics import FloatArray
 
 from .cases import around, s
