@@ -26,12 +26,13 @@ __all__ = [
     "draw_without_count", "factored", "judge_all", "judge_own", "own_case", "score",
 ]  # fmt: skip
 
-_SETS = [name for _, name, _ in iter_modules(__path__) if re.match(r"set\d", name)]
-_HELD = [held for name in _SETS for held in vars(import_module(f"{__name__}.{name}")).values()]
-_POSED = [held for held in _HELD if isinstance(held, Problem)]
+_SETS = [name for _, name, _ in iter_modules(__path__) if re.fullmatch(r"set\d", name)]
 
 PROBLEMS: dict[str, Problem] = {
-    each.id: each for each in sorted(_POSED, key=lambda each: tuple(map(int, each.id.split("."))))
+    held.id: held
+    for name in _SETS
+    for held in vars(import_module(f"{__name__}.{name}")).values()
+    if isinstance(held, Problem)
 }
 """Every problem by its id, in their order, found in the modules set1, set2, …"""
 
