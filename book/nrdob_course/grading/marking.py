@@ -157,8 +157,8 @@ def mistakes(root: Path, found: Iterable[Line]) -> Counter[tuple[str, str]]:
 
 def write_tally(path: Path, root: Path, found: Sequence[Line]) -> None:
     """Write the page, with a part for each set."""
-    graded = sorted(found, key=lambda line: in_order(line.entry["set"]))
-    graded = [line for line in graded if line.grades]
+    graded = [line for line in found if line.grades]
+    graded.sort(key=lambda line: in_order(line.entry["set"]))
     counts = mistakes(root, graded)
     sets = []
     for name, lines in groupby(graded, key=lambda line: line.entry["set"]):
