@@ -46,8 +46,6 @@ class Chapter(NamedTuple):
 
 
 class Part(NamedTuple):
-    """Some chapters with a title."""
-
     title: str
     chapters: tuple[Chapter, ...]
 
@@ -167,7 +165,6 @@ def browser_on_path() -> str | None:
 
 
 def build(site: Path, output: Path) -> None:
-    """Set the site as a book and print it."""
     from playwright.sync_api import sync_playwright
 
     browser_path = browser_on_path()
