@@ -137,11 +137,9 @@ class PaperNumbers(SphinxTransform):
 def check(app: Sphinx) -> None:
     """Name what is amiss with the theorems, in every build, whatever Sphinx remembers."""
     warn(faults_of_book(folder_of(app.env)))
-    app.env.nrdob_theorems = {  # type: ignore[attr-defined]
-        theorem.number: theorem
-        for theorems in theorems_of(folder_of(app.env)).values()
-        for theorem in theorems
-    }
+    chapters = theorems_of(folder_of(app.env)).values()
+    by_number = {theorem.number: theorem for theorems in chapters for theorem in theorems}
+    app.env.nrdob_theorems = by_number  # type: ignore[attr-defined]
 
 
 class Boxes(SphinxTransform):

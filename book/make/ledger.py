@@ -132,15 +132,9 @@ def main(
     start = time.perf_counter()
     chapters = {path.stem: read_chapter(path) for path in sorted(given.notebooks.glob("*.ipynb"))}
     entries, problems = settle_all(ledger, settle)
+    told = {"entries": entries, "parts": by_part(entries), "verdicts": Verdict, "count": count}
     for name in PAGES:  # the ledger with every claim, the errata with what does not hold as printed
-        text = render(
-            name,
-            entries=entries,
-            parts=by_part(entries),
-            verdicts=Verdict,
-            count=count,
-            places=lambda claim: places(claim, chapters),
-        )
+        text = render(name, places=lambda claim: places(claim, chapters), **told)
         store(text, given.output / name)
     verdicts = ", ".join(f"{count(entries, verdict)} {verdict.value}" for verdict in Verdict)
     print(f"The ledger: {len(entries)} claims ({verdicts}), {time.perf_counter() - start:.1f} s")

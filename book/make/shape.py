@@ -15,11 +15,8 @@ Cell = Mapping[str, Any]
 
 def faults_of_book(folder: Path) -> list[str]:
     """Name what the chapters in a folder lack, each with its place."""
-    return [
-        fault
-        for path in sorted(folder.glob("*.ipynb"))
-        for fault in faults(path.stem, cells_of(path))
-    ]
+    paths = sorted(folder.glob("*.ipynb"))
+    return [fault for path in paths for fault in faults(path.stem, cells_of(path))]
 
 
 def faults(page: str, cells: Sequence[Cell]) -> Iterator[str]:

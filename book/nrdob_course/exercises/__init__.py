@@ -9,7 +9,6 @@ Nothing to check yet: replace the placeholder by your answer and run this cell a
 
 import contextlib
 import os
-import re
 from dataclasses import replace
 from importlib import import_module
 from pkgutil import iter_modules
@@ -26,11 +25,10 @@ __all__ = [
     "draw_without_count", "factored", "judge_all", "judge_own", "own_case", "score",
 ]  # fmt: skip
 
-_SETS = [name for _, name, _ in iter_modules(__path__) if re.fullmatch(r"set\d", name)]
-
 PROBLEMS: dict[str, Problem] = {
     held.id: held
-    for name in _SETS
+    for _, name, _ in iter_modules(__path__)
+    if name.startswith("set")
     for held in vars(import_module(f"{__name__}.{name}")).values()
     if isinstance(held, Problem)
 }

@@ -296,14 +296,8 @@ def pose(
         answers = this.several or (lambda case: (this.example(case),))
         return lambda case, got: any(alike(each, got) for each in answers(case))
 
-    return Problem(
-        id=id,
-        title=text["title"],
-        praise=words(text["praise"]),
-        lacks=lacks,
-        misconceptions=tuple(known(*each) for each in misconceptions.items()),
-        **how,
-    )
+    how["misconceptions"] = tuple(known(*each) for each in misconceptions.items())
+    return Problem(id, text["title"], lacks=lacks, praise=words(text["praise"]), **how)
 
 
 @cache
