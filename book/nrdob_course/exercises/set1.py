@@ -155,14 +155,9 @@ def _polynomial_case(rng: np.random.Generator) -> PolynomialCase:
     # Plant and model share the unstable pole exactly, as a careful modeller would have it.
     shared = -draw(rng, 0.5, 3)
     plant, model, zero = draw(rng, 1, 2), draw(rng, 2.5, 5), draw(rng, 6, 12)
-    return PolynomialCase(
-        N=np.array([draw(rng, 2, 9)]),
-        D=np.polymul([1, shared], [1, plant]),
-        Nm=draw(rng, 0.3, 0.8) * np.array([1, zero]),
-        Dm=np.polymul([1, shared], [1, model]),
-        time_constant=draw(rng, 0.05, 0.4),
-        order=int(rng.integers(2, 4)),
-    )
+    N, Nm = np.array([draw(rng, 2, 9)]), draw(rng, 0.3, 0.8) * np.array([1, zero])
+    D, Dm = (np.polymul([1, shared], [1, pole]) for pole in (plant, model))
+    return PolynomialCase(N, D, Nm, Dm, draw(rng, 0.05, 0.4), int(rng.integers(2, 4)))
 
 
 def _product(*factors: Any) -> FloatArray:

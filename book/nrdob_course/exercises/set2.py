@@ -296,13 +296,9 @@ def _near(value: float, got: float) -> bool:
 
 def _hints(case: HalfCurve) -> dict[float, str]:
     axis, pieces = _readings(case)["axis only"], _readings(case)["pieces"]
-    slips = {
-        "half": axis / 2,
-        "backwards": axis - pieces,
-        "whole": axis + 2 * pieces,
-        "sign": pieces - axis,
-    }
-    return {slips[name]: said for name, said in lacks_of("2.4").items()}
+    slips = axis / 2, axis - pieces, axis + 2 * pieces, pieces - axis
+    said = lacks_of("2.4", "half", "backwards", "whole", "sign").values()
+    return dict(zip(slips, said, strict=True))
 
 
 def _closing_lacks(case: HalfCurve, got: float) -> str:
@@ -420,12 +416,9 @@ class DistantZero(UnstablePlant):
 
 def _distant_zero(rng: np.random.Generator) -> DistantZero:
     pole = draw(rng, 0.5, 3)
-    return DistantZero(
-        either_sign(rng) * draw(rng, 0.5, 5),
-        pole,
-        few(pole * rng.uniform(2, 5)),
-        few(pole * rng.uniform(60, 150)),
-    )
+    gain = either_sign(rng) * draw(rng, 0.5, 5)
+    decay, zero = few(pole * rng.uniform(2, 5)), few(pole * rng.uniform(60, 150))
+    return DistantZero(gain, pole, decay, zero)
 
 
 @around

@@ -441,16 +441,10 @@ def draw_margin_loop(rng: np.random.Generator) -> tuple[MarginCase, float]:
     controller = ct.tf([1 / slow[0], 1], [4 * gain / slow[1], 0])
     good, omega = rng.uniform(3.5, 5) * lag, few(0.05 / lag)
     loops = [NRDOB(plant, model, controller, LowPassFilter(share * good, 2)) for share in SHARES]
-    case = MarginCase(
-        plant,
-        model,
-        controller,
-        ms=float(np.ceil(100 * loops[0].margins().plant_loop.ms) / 100),
-        delay_margin=few(loops[1].margins().plant_loop.delay_margin, 3),
-        omega=omega,
-        rejection=few(float(abs(loops[2].S_d(1j * omega))), 3),
-    )
-    return case, good
+    ms = float(np.ceil(100 * loops[0].margins().plant_loop.ms) / 100)
+    delay_margin = few(loops[1].margins().plant_loop.delay_margin, 3)
+    rejection = few(float(abs(loops[2].S_d(1j * omega))), 3)
+    return MarginCase(plant, model, controller, ms, delay_margin, omega, rejection), good
 
 
 SHARES = (0.7, 0.9, 1.15)

@@ -527,13 +527,9 @@ class _Price(NamedTuple):
 def _price(case: BetterCase, filter: Any) -> _Price:
     num, den = filter_fraction(filter)
     poles = np.roots(den).astype(complex)
-    return _Price(
-        noise=rational_power(num, den),
-        error=rational_power(np.polysub(den, num)[:-1], den),  # of (1 - F)/s
-        speed=float(np.abs(poles).max()),
-        poles=poles,
-        causal=den.size - num.size >= _order(case),
-    )
+    speed, causal = float(np.abs(poles).max()), den.size - num.size >= _order(case)
+    error = rational_power(np.polysub(den, num)[:-1], den)  # of (1 - F)/s
+    return _Price(rational_power(num, den), error, speed, poles, causal)
 
 
 def _spread(case: BetterCase, slow: float, ratio: float) -> ct.TransferFunction:
@@ -547,12 +543,8 @@ def _better_case(rng: np.random.Generator) -> BetterCase:
     free = BetterCase(all_pole(*poles, gain=draw(rng, 0.5, 5)), inf, inf, inf)
     slow = slowest * rng.uniform(3, 6)
     price = _price(free, _spread(free, slow, 4.0))
-    return BetterCase(
-        free.model,
-        noise=few(1.03 * price.noise, 3),
-        error=few(1.04 * price.error, 3),
-        fastest=few(6.5 * slow),
-    )
+    noise, error = few(1.03 * price.noise, 3), few(1.04 * price.error, 3)
+    return BetterCase(free.model, noise, error, fastest=few(6.5 * slow))
 
 
 def _beats(case: BetterCase, got: Any) -> str:

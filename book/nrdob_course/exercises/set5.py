@@ -200,11 +200,9 @@ def _late_case(rng: np.random.Generator) -> FilterCase:
     poles = [draw(rng, 1, 6) for _ in range(2)]
     close = [few(pole * rng.uniform(0.75, 1.35)) for pole in poles]
     gain = few(rng.uniform(0.85, 1.2) * poles[0] * poles[1])
-    return FilterCase(
-        delay(draw(rng, 0.06, 0.4)) * (gain / ((s + poles[0]) * (s + poles[1]))),
-        few(close[0] * close[1]) / ((s + close[0]) * (s + close[1])),
-        int(rng.integers(2, 4)),
-    )
+    process = delay(draw(rng, 0.06, 0.4)) * (gain / ((s + poles[0]) * (s + poles[1])))
+    model = few(close[0] * close[1]) / ((s + close[0]) * (s + close[1]))
+    return FilterCase(process, model, int(rng.integers(2, 4)))
 
 
 def _border_lacks(case: FilterCase, value: float) -> str:
@@ -438,18 +436,12 @@ class DesignCase:
 def _design_case(rng: np.random.Generator) -> DesignCase:
     """Draw a plant; the limits are such that the mirrored model of full size meets them."""
     pole = draw(rng, 0.5, 5)
-    case = DesignCase(
-        gain=draw(rng, 0.5, 4),
-        pole=pole,
-        decay=few(pole * rng.uniform(3, 6)),
-        dead_time=few(rng.uniform(0.055, 0.065) / pole),
-    )
+    gain, decay = draw(rng, 0.5, 4), few(pole * rng.uniform(3, 6))
+    case = DesignCase(gain, pole, decay, dead_time=few(rng.uniform(0.055, 0.065) / pole))
     tempting = replace(_design(case, 0.2, size=0.5), process=case.feared).margins()
-    return replace(
-        case,
-        max_ms=few((tempting.plant_loop.ms * tempting.observer_loop.ms) ** 0.5, 3),
-        max_noise=few(1.6 * _noise(replace(_design(case, 0.1), process=case.feared))),
-    )
+    between = (tempting.plant_loop.ms * tempting.observer_loop.ms) ** 0.5
+    noise = _noise(replace(_design(case, 0.1), process=case.feared))
+    return replace(case, max_ms=few(between, 3), max_noise=few(1.6 * noise))
 
 
 def _design(case: DesignCase, value: float, size: float = 1.0, sign: float = 1.0) -> NRDOB:
