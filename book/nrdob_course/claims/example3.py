@@ -139,10 +139,8 @@ def _figure_10() -> Finding:
     loop = example(3)
     count, zeros = encirclements(loop.ratio, 1.0), loop.H.numerator.roots
     own = loop.H.to_tf().zeros().real
-    return Finding(
-        npz(count) == (-1, 1, 0) and bool(np.all(zeros.real < 0)),
-        f"{npz_text(count)}; the zero of H is at {number(own[0], 4)}",
-    )
+    words = f"{npz_text(count)}; the zero of H is at {number(own[0], 4)}"
+    return Finding(npz(count) == (-1, 1, 0) and bool(np.all(zeros.real < 0)), words)
 
 
 @SECTION.check("fig10.caption")
@@ -150,11 +148,9 @@ def _caption_10() -> Finding:
     loop = example(3)
     caption = Quotient((*loop.C.num, *loop.Gm.den), (*loop.C.den, *loop.Gm.num), "C/Gm")
     by_caption, by_text = (encirclements(q, 1.0).encirclements for q in (caption, loop.ratio))
-    return Finding(
-        by_caption == -1,
-        f"C/Gm makes {turns(by_caption, 1.0)}, G/Gm {turns(by_text, 1.0)}",
-        conditions={"G/Gm encircles +1 once counter-clockwise": by_text == -1},
-    )
+    words = f"C/Gm makes {turns(by_caption, 1.0)}, G/Gm {turns(by_text, 1.0)}"
+    met = {"G/Gm encircles +1 once counter-clockwise": by_text == -1}
+    return Finding(by_caption == -1, words, conditions=met)
 
 
 @SECTION.check("eq14")
@@ -180,10 +176,8 @@ def _equation_14() -> Finding:
 def _figure_11() -> Finding:
     loop = example(3)
     count, zero = encirclements(loop.H), loop.ratio.to_tf().zeros().real
-    return Finding(
-        npz(count) == (-1, 1, 0) and bool(np.all(zero < 0)),
-        f"{npz_text(count)}; 1 + H has its zero at {number(zero[0], 4)}",
-    )
+    words = f"{npz_text(count)}; 1 + H has its zero at {number(zero[0], 4)}"
+    return Finding(npz(count) == (-1, 1, 0) and bool(np.all(zero < 0)), words)
 
 
 @SECTION.check("ex3.fast")
@@ -192,10 +186,8 @@ def _fast_enough() -> Finding:
     crossing = border(loop, 2, 0.5, 1.0)
     factors = (1e-4, 0.001, 0.01, 0.1, 0.5, 0.9, 0.9999, 1.0001, 1.1, 2.0, 10.0, 100.0, 1e3, 1e4)
     exact = all(filtered(loop, k * largest, 2).stability().stable is (k < 1) for k in factors)
-    return Finding(
-        exact and abs(crossing - largest) < 1e-9,
-        f"with n = 2 stable exactly for 0 < λ < 3 − √5 = {number(crossing, 5)} s",
-    )
+    words = f"with n = 2 stable exactly for 0 < λ < 3 − √5 = {number(crossing, 5)} s"
+    return Finding(exact and abs(crossing - largest) < 1e-9, words)
 
 
 @SECTION.check("ex3.critical_point")
@@ -221,10 +213,8 @@ def _critical_point() -> Finding:
 def _filter_of_example_3() -> Finding:
     loop = example(3)
     part, end = loop.stability().observer_loop, abs(loop.F(1e8j) / loop.Gm(1e8j))
-    return Finding(
-        part.stable is True and bool(np.isclose(end, 400, rtol=1e-6)),
-        f"p_B rightmost {number(part.rightmost.real, 4)}; |F/Gm| tends to {number(end, 4)}",
-    )
+    words = f"p_B rightmost {number(part.rightmost.real, 4)}; |F/Gm| tends to {number(end, 4)}"
+    return Finding(part.stable is True and bool(np.isclose(end, 400, rtol=1e-6)), words)
 
 
 @SECTION.check("fig12")
@@ -233,10 +223,8 @@ def _figure_12() -> Finding:
     part = loop.stability().observer_loop
     omega = 1e4 * np.tan(np.linspace(-1.57, 1.57, 200_001)) / np.tan(1.57)
     along = turned(1 + loop.FH(1j * omega))
-    return Finding(
-        npz(part) == (-1, 1, 0) and round(along, 3) == -1,
-        f"{npz_text(part)}; {number(along, 3)} encirclements along the curve",
-    )
+    words = f"{npz_text(part)}; {number(along, 3)} encirclements along the curve"
+    return Finding(npz(part) == (-1, 1, 0) and round(along, 3) == -1, words)
 
 
 @SECTION.check("ex3.performance")

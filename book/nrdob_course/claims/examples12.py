@@ -121,10 +121,8 @@ def _mismatch_2() -> Finding:
         and np.allclose(left.num_array[0, 0] / left.den_array[0, 0], [-0.01, 0], rtol=1e-12)
         and np.isclose(loop.G.dc_gain, loop.Gm.dc_gain, rtol=1e-12)
     )
-    return Finding(
-        bool(holds),
-        f"{map_text(loop.H)}; DC gains {number(loop.G.dc_gain)} and {number(loop.Gm.dc_gain)}",
-    )
+    words = f"{map_text(loop.H)}; DC gains {number(loop.G.dc_gain)} and {number(loop.Gm.dc_gain)}"
+    return Finding(bool(holds), words)
 
 
 @SECTION.check("fig05")
@@ -168,10 +166,8 @@ def _filter_2() -> Finding:
     loop = example(2)
     part = loop.stability().observer_loop
     degree = inverse_degree(loop)
-    return Finding(
-        part.stable is True and degree >= 0,
-        f"p_B rightmost {number(part.rightmost.real, 4)}; F/Gm has relative degree {degree}",
-    )
+    words = f"p_B rightmost {number(part.rightmost.real, 4)}; F/Gm has relative degree {degree}"
+    return Finding(part.stable is True and degree >= 0, words)
 
 
 def swings(loop: NRDOB, input: str, size: float) -> int:
@@ -215,7 +211,5 @@ def _family_2() -> Finding:
 def _non_minimum_phase() -> Finding:
     loops = both(2)
     zeros = [loop.G.to_tf().zeros().real[0] for loop in loops]
-    return Finding(
-        min(zeros) > 0 and all(map(is_stable, loops)),
-        f"stable with a zero at {number(zeros[0], 4)}, and at {number(zeros[1], 4)}",
-    )
+    words = f"stable with a zero at {number(zeros[0], 4)}, and at {number(zeros[1], 4)}"
+    return Finding(min(zeros) > 0 and all(map(is_stable, loops)), words)

@@ -175,10 +175,8 @@ def _function(id: str, printed_as: str) -> Finding:
 def no_turn(loop: NRDOB) -> Finding:
     """Find whether FH stays inside the unit circle, and does not encircle −1."""
     part, size = loop.stability().observer_loop, float(np.abs(loop.FH(1j * OMEGA)).max())
-    return Finding(
-        npz(part) == (0, 0, 0) and size < 1,
-        f"{npz_text(part)}; the largest |F·H| is {number(size, 4)}",
-    )
+    words = f"{npz_text(part)}; the largest |F·H| is {number(size, 4)}"
+    return Finding(npz(part) == (0, 0, 0) and size < 1, words)
 
 
 def response(loop: NRDOB, input: str) -> tuple[float, float]:
@@ -217,10 +215,8 @@ def steps(loop: NRDOB) -> Finding:
     finals = ", ".join(number(getattr(loop, name).dc_gain, 4) for name in TO_OUTPUT)
     verdict = loop.stability()
     stable = "stable" if verdict.stable else f"not known to be stable: {verdict.reason}"
-    return Finding(
-        verdict.stable is True and comes_to_rest(loop),
-        f"{stable}; final values {finals}; largest excursions {peaks}",
-    )
+    words = f"{stable}; final values {finals}; largest excursions {peaks}"
+    return Finding(verdict.stable is True and comes_to_rest(loop), words)
 
 
 # The checks that recur, by their kind.
