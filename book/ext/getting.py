@@ -53,10 +53,8 @@ def add_buttons(app: Sphinx, page: str, _: str, context: Any, _doctree: object) 
     for name, url in starts(app.config.nrdob_repository, page).items():
         places.append((name, url, rocket, f"Run this chapter on {name}"))
     keys = ("text", "url", "icon", "tooltip")
-    buttons = [
-        {"type": "link", "label": f"get-{place[0].lower()}", **dict(zip(keys, place, strict=True))}
-        for place in places
-    ]
+    told = [dict(zip(keys, place, strict=True)) for place in places]
+    buttons = [{"type": "link", "label": f"get-{each['text'].lower()}", **each} for each in told]
     group = {"type": "group", "label": "run-buttons", "icon": rocket, "tooltip": "Run it"}
     context["header_buttons"].append({**group, "buttons": buttons})
 

@@ -84,11 +84,8 @@ def quotations(cells: Iterable[str]) -> Iterator[str]:
 
 def read(page: str, cells: Iterable[str]) -> list[Theorem]:
     """Read the theorems of a chapter in their order; what is no theorem is passed over."""
-    return [
-        parse(page, head, text[head.end() :])
-        for text in quotations(cells)
-        if (head := HEAD.match(text))
-    ]
+    found = ((HEAD.match(text), text) for text in quotations(cells))
+    return [parse(page, head, text[head.end() :]) for head, text in found if head]
 
 
 def parse(page: str, head: re.Match[str], body: str) -> Theorem:

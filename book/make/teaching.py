@@ -142,11 +142,8 @@ class Pack:
 
     def objectives_of(self, id: str) -> list[tuple[str, str]]:
         """Give chapter and objective for all that a problem trains, as far as they exist."""
-        return [
-            (stem, objective)
-            for stem, begins in self.advice_on(id).trains
-            for objective in self.promised(stem, begins)
-        ]
+        trained = self.advice_on(id).trains
+        return [(stem, each) for stem, begins in trained for each in self.promised(stem, begins)]
 
     def promised(self, stem: str, begins: str) -> list[str]:
         """Give the objectives of a chapter that begin like this."""
@@ -177,10 +174,8 @@ class Pack:
 
     @property
     def parts(self) -> dict[str, list[Chapter]]:
-        return {
-            part: [chapter for chapter in self.chapters.values() if chapter.number in numbers]
-            for part, numbers in PARTS.items()
-        }
+        chapters = self.chapters.values()
+        return {part: [c for c in chapters if c.number in of] for part, of in PARTS.items()}
 
     def problems_for(self, stem: str, objective: str) -> list[str]:
         return [task.id for task in self.tasks if (stem, objective) in self.objectives_of(task.id)]

@@ -230,10 +230,8 @@ def _figure_12() -> Finding:
 @SECTION.check("ex3.performance")
 def _performance() -> Finding:
     found, nominal = performance(3, times=3.0), example(3)
-    pole_alone, gain_alone = (
-        replace(nominal, process=plant).stability()
-        for plant in (([4], np.polymul([-1, -1, 2], [0.1, 1])), ([2], [-1, -1, 2]))
-    )
+    plants = ([4], np.polymul([-1, -1, 2], [0.1, 1])), ([2], [-1, -1, 2])
+    pole_alone, gain_alone = (replace(nominal, process=plant).stability() for plant in plants)
     right = pole_alone.observer_loop.closed_loop_rhp
     return Finding(
         found.as_printed and pole_alone.stable is True,

@@ -37,10 +37,8 @@ def _any_stable_filter() -> Finding:
         same(each.p_B.q, np.polymul(plant, each.fractions[-1].den), 1e-12) and is_stable(each)
         for each in tried
     )
-    refused = [
-        is_refused(loop.process, loop.model, loop.controller, F)
-        for F in (ct.tf([-1], [0.1, -1]), ct.tf([0.1, 1], [0.2, 1]))
-    ]
+    wrong = ct.tf([-1], [0.1, -1]), ct.tf([0.1, 1], [0.2, 1])
+    refused = [is_refused(loop.process, loop.model, loop.controller, F) for F in wrong]
     count = len(tried)
     return Finding(
         holds and all(refused),

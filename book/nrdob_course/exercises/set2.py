@@ -64,12 +64,9 @@ def _draw_roots(rng: np.random.Generator, unstable: int) -> tuple[RootsCase, NRD
     model_zeros = _draw_sides(rng, unstable, 1)
     model_poles = _draw_sides(rng, 3 - unstable, unstable + 1)
     gain = rng.choice([-1, 1]) * draw(rng, 0.5, 9)
-    loop = NRDOB(
-        process=(gain * np.real(np.poly(plant_zeros)), np.real(np.poly(plant_poles))),
-        model=(np.real(np.poly(model_zeros)), np.real(np.poly(model_poles))),
-        controller=0,
-        filter=LowPassFilter(draw(rng, 0.01, 2), 3),
-    )
+    plant = gain * np.real(np.poly(plant_zeros)), np.real(np.poly(plant_poles))
+    model = np.real(np.poly(model_zeros)), np.real(np.poly(model_poles))
+    loop = NRDOB(plant, model, 0, LowPassFilter(draw(rng, 0.01, 2), 3))
     return RootsCase(plant_zeros, plant_poles, model_zeros, model_poles, loop.p_B.roots), loop
 
 

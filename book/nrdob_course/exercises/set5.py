@@ -559,12 +559,10 @@ def _tolerated(order: int) -> float:
 def _today(case: DelayedCase) -> float:
     """Find the fastest filter that tolerates the error with the dead time of today."""
     model = delay(case.dead_time) * case.prompt
-    return max(
-        critical_time_constants(
-            delay(case.dead_time + off) * case.prompt, model, case.order, floor=0.1 * case.error
-        )[-1].time_constant
-        for off in (-case.error, case.error)
-    )
+    plants = [delay(case.dead_time + off) * case.prompt for off in (-case.error, case.error)]
+    floor = 0.1 * case.error
+    edges = [critical_time_constants(each, model, case.order, floor=floor) for each in plants]
+    return max(found[-1].time_constant for found in edges)
 
 
 @kept

@@ -74,13 +74,10 @@ def write_marking(
         Markup(files(__package__).joinpath("pages", f"marking.{kind}").read_text("utf-8"))
         for kind in ("css", "js")
     )
-    page = PAGES.get_template("marking.html").render(
-        problems=problems,
-        style=style,
-        script=script,
-        digest=base64.b64encode(hashlib.sha256(script.encode()).digest()).decode(),
-        key=hashlib.sha256(str(path.resolve()).encode()).hexdigest()[:8],
-    )
+    digest = base64.b64encode(hashlib.sha256(script.encode()).digest()).decode()
+    key = hashlib.sha256(str(path.resolve()).encode()).hexdigest()[:8]
+    how = {"style": style, "script": script, "digest": digest, "key": key}
+    page = PAGES.get_template("marking.html").render(problems=problems, **how)
     path.write_text(page + "\n", "utf-8")
 
 
