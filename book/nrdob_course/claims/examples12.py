@@ -112,13 +112,10 @@ def _good_model() -> Finding:
 def _mismatch_2() -> Finding:
     loop = example(2)
     left = loop.H.to_tf()
-    holds = (
-        left.poles().size == 0
-        and np.array_equal(left.zeros(), [0])
-        and loop.H.zeros_at_origin == 1
-        and np.allclose(left.num_array[0, 0] / left.den_array[0, 0], [-0.01, 0], rtol=1e-12)
-        and np.isclose(loop.G.dc_gain, loop.Gm.dc_gain, rtol=1e-12)
-    )
+    only_zero = left.poles().size == 0 and np.array_equal(left.zeros(), [0])
+    coefficients = left.num_array[0, 0] / left.den_array[0, 0]
+    is_s = np.allclose(coefficients, [-0.01, 0], rtol=1e-12) and loop.H.zeros_at_origin == 1
+    holds = only_zero and is_s and np.isclose(loop.G.dc_gain, loop.Gm.dc_gain, rtol=1e-12)
     words = f"{map_text(loop.H)}; DC gains {number(loop.G.dc_gain)} and {number(loop.Gm.dc_gain)}"
     return Finding(bool(holds), words)
 

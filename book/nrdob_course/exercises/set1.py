@@ -259,11 +259,8 @@ def _told_apart(drawn: tuple[SensitivityCase, NRDOB]) -> bool:
     case, loop = drawn
     found = gain_readings(case)
     units = [found.pop(unit) for unit in ("hertz", "decibels")]
-    return (
-        apart(*found.values(), by=0.3)
-        and all(apart(unit, other, by=0.13) for unit in units for other in found.values())
-        and loop.stability().stable is True
-    )
+    no_unit = all(apart(unit, other, by=0.13) for unit in units for other in found.values())
+    return no_unit and apart(*found.values(), by=0.3) and loop.stability().stable is True
 
 
 @fitting(_told_apart)

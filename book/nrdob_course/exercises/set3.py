@@ -184,11 +184,9 @@ def draw_measured_loop(draw: Callable[..., Any], which: int, rng: np.random.Gene
             return False
         readings = delay_readings(case)
         others = ["degrees", "plus one", "either way", "phase margin" if which else "last"]
-        return (
-            readings["right"] == delays_of(case)[which]
-            and apart(*(readings[name] for name in ("right", *others)), by=0.1)
-            and loop.stability().stable is True
-        )
+        decides = readings["right"] == delays_of(case)[which]
+        told = apart(*(readings[name] for name in ("right", *others)), by=0.1)
+        return bool(decides and told and loop.stability().stable is True)
 
     return first_fitting(drawn, fits)
 
@@ -334,13 +332,8 @@ def _margins(case: GainCase) -> LoopMargins:
 def _seems_robust(case: GainCase) -> bool:
     found = _margins(case)
     fh, true = found.observer_loop, found.plant_loop
-    return bool(
-        found.stable
-        and 3.5 < fh.gm_high < inf
-        and fh.pm > 60
-        and found.model_loop.pm > 45
-        and fh.gm_high > 1.3 * true.gm_high
-    )
+    good = found.stable and 3.5 < fh.gm_high < inf and fh.pm > 60 and found.model_loop.pm > 45
+    return bool(good and fh.gm_high > 1.3 * true.gm_high)
 
 
 @fitting(_seems_robust)

@@ -60,12 +60,9 @@ class CardCase:
 
 
 def _edges(case: CardCase) -> list[float]:
-    return [
-        smallest_for_delay(case.delay, case.order),
-        smallest_for_rhp_zero(case.zero, case.order),
-        0.0,
-        smallest_for_double_lag(case.double_lag, case.order),
-    ]
+    n = case.order
+    by_delay, by_zero = smallest_for_delay(case.delay, n), smallest_for_rhp_zero(case.zero, n)
+    return [by_delay, by_zero, 0.0, smallest_for_double_lag(case.double_lag, n)]
 
 
 def _plants(case: CardCase) -> list[Any]:
@@ -109,10 +106,8 @@ def _off_the_edge(case: CardCase, k: int, value: float) -> str:
     if value == 0:
         return "not every λ is stable"
     plant, model = _plants(case)[k], ct.tf([1], [1, 1])
-    above, below = (
-        observer_stable(plant, model, LowPassFilter(factor * value, case.order))
-        for factor in (EDGE, 1 / EDGE)
-    )
+    filters = (LowPassFilter(factor * value, case.order) for factor in (EDGE, 1 / EDGE))
+    above, below = (observer_stable(plant, model, F) for F in filters)
     if above is not True:
         return "the loop becomes unstable at this λ"
     return "smaller λ are stable, too," if below is not False else ""
@@ -557,11 +552,8 @@ def _beats(case: BetterCase, got: Any) -> str:
         words = f"its fastest pole is {price.speed:.4g} rad/s"
     else:
         found = {name: getattr(price, name) for name in ("noise", "error")}
-        words = " and ".join(
-            f"the {name} is {value:.4g}"
-            for name, value in found.items()
-            if value > getattr(case, name) * LEEWAY
-        )
+        over = [name for name in found if found[name] > getattr(case, name) * LEEWAY]
+        words = " and ".join(f"the {name} is {found[name]:.4g}" for name in over)
     return words and Lack(_mistake(case, price), words)
 
 

@@ -185,13 +185,9 @@ def _tells_apart(case: FilterCase) -> bool:
     found = borders_read(case)
     rough = [value for name, value in found.items() if name not in ("Padé 2", "frequency")]
     sets = stabilizing_time_constants(case.process, case.model, case.order)
-    return (
-        len(sets) == 1
-        and sets[0][1] == inf
-        and apart(*rough, by=0.05)
-        and apart(found["true"], found["Padé 2"], by=0.0025)
-        and apart(found["true"], found["frequency"], by=0.5)
-    )
+    is_last = len(sets) == 1 and sets[0][1] == inf
+    told = apart(*rough, by=0.05) and apart(found["true"], found["frequency"], by=0.5)
+    return is_last and told and apart(found["true"], found["Padé 2"], by=0.0025)
 
 
 @fitting(_tells_apart)
@@ -270,13 +266,9 @@ def _legible(case: FilterCase, unstable: bool) -> bool:
     value, omega = edge_of(case)
     x = value * omega
     verdicts = [_stable(case, k * value) for k in (0.9, 1.1)]
-    return (
-        verdicts == [unstable, not unstable]
-        and 0.5 < x < 2.2
-        and 0.5 < omega < 30
-        and apart(value, x, 1 / value, by=0.3)
-        and apart(value, x, omega, by=0.3)
-    )
+    seen = 0.5 < x < 2.2 and 0.5 < omega < 30
+    told = apart(value, x, 1 / value, by=0.3) and apart(value, x, omega, by=0.3)
+    return verdicts == [unstable, not unstable] and seen and told
 
 
 def draw_edge(case: FilterCase) -> Figure:
