@@ -65,6 +65,7 @@ def _negative_gain() -> Finding:
 
     stable = all(map(is_stable, with_zero))
     paper, gain = example(3), with_zero[0].Gm.dc_gain
+    works = paper.Gm.dc_gain < 0 and is_stable(paper)
     return Finding(
         not (stable and gain > 0),
         f"minimum-phase models of positive gain: unstable in {odd(positive)} of {len(positive)} "
@@ -74,9 +75,7 @@ def _negative_gain() -> Finding:
             "minimum-phase models of positive gain are unstable": odd(positive) == len(positive),
             "with a zero on the right a positive gain is stable": stable and gain > 0,
             "with it a negative gain is unstable": odd(reversed_sign) == len(reversed_sign),
-            "the model of Example 3 has a negative gain and is stable": (
-                paper.Gm.dc_gain < 0 and is_stable(paper)
-            ),
+            "the model of Example 3 has a negative gain and is stable": works,
         },
     )
 
@@ -262,6 +261,7 @@ def _family_3() -> Finding:
     sides = [stable(1, k * longest) for k in (0.999, 1.001)]
     sides += [stable(k * highest, 0.1) for k in (0.999, 1.001)]
     count = int((~table["stable"]).sum())
+    limited = bool(abs(lost.get("lag", 0.0) - longest) < 1e-6 and abs(longest - 0.08775) < 1e-5)
     return Finding(
         count == 0,
         f"unstable with {count} of {len(table)} plants; at full gain the lag must be below "
@@ -269,9 +269,7 @@ def _family_3() -> Finding:
         conditions={
             "the nominal and the modified loop are stable": every(map(is_stable, both(3))),
             "verdicts are those of Routh's condition": np.array_equal(routh, table["stable"]),
-            "the lag is limited to 0.08775 s at full gain": bool(
-                abs(lost.get("lag", 0.0) - longest) < 1e-6 and abs(longest - 0.08775) < 1e-5
-            ),
+            "the lag is limited to 0.08775 s at full gain": limited,
             "the gain is limited to 0.9427 at the full lag": abs(highest - 0.9427) < 1e-4,
             "the loop is lost just beyond both limits": sides == [True, False, True, False],
         },

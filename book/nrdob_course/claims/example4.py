@@ -106,14 +106,13 @@ def _infinite_turns() -> Finding:
     right = [[encirclements(FH).closed_loop_rhp or 0 for FH in row] for row in faster]
     small = zip(loops, (1e-3, 1e-3, 1e-2), strict=True)
     second = [filtered(loop, lam, 3).stability().observer_loop.stable for loop, lam in small]
+    for_ever = [*map(npz, own)] == 3 * [(inf, 0, 0)]
     return Finding(
         all(count.encirclements == inf and (count.closed_loop_rhp or 0) > 0 for count in own),
         f"1 + H: {npz_text(own[1])}; p_B of Example 4: Z = "
         f"{', '.join(number(z) for z in right[1])} for λ = 1, 0.01, 0.001, 0.0001 s",
         conditions={
-            "H turns for ever, and 1 + H has no zero on the right": (
-                [*map(npz, own)] == 3 * [(inf, 0, 0)]
-            ),
+            "H turns for ever, and 1 + H has no zero on the right": for_ever,
             "p_B has unstable roots for small λ only": all(row[0] == 0 < row[2] for row in right),
             "they are ever more as λ → 0": all(row == sorted(row) for row in right),
             "the loops with small λ are judged unstable": second == [False] * 3,
@@ -216,18 +215,16 @@ def _gain_margin() -> Finding:
         return count_rhp(minus_point(loop.FH, -1 / k)).count == 0
 
     factors = (0.5, 0.99, 0.999)
+    lost = all(plant(k) is False for k in (1.001 * by_L, 1.1 * by_L, 0.999 * by_FH))
+    borne = all(scaled(factor * by_FH) for factor in factors)
     return Finding(
         all(plant(factor * by_FH) is True for factor in factors) and plant(1.001 * by_FH) is False,
         f"a factor on FH: {number(by_FH, 4)}; on the plant: {number(by_L, 4)}, that is "
         f"{number(margins.plant_loop.gm_db, 4)} dB",
         conditions={
             "the plant bears factors below the margin of L": all(plant(k * by_L) for k in factors),
-            "it bears none above, though the margin of FH allows them": all(
-                plant(k) is False for k in (1.001 * by_L, 1.1 * by_L, 0.999 * by_FH)
-            ),
-            "the mismatch bears factors below the margin of FH": all(
-                scaled(factor * by_FH) for factor in factors
-            ),
+            "it bears none above, though the margin of FH allows them": lost,
+            "the mismatch bears factors below the margin of FH": borne,
             "it bears none above": not scaled(1.001 * by_FH),
         },
     )
