@@ -29,10 +29,12 @@ from .remarks import parsed, suspicious
 from .roster import UNPLANNED, Course
 
 __all__ = [
-    "NOTHING", "Submission", "find", "group_of", "read", "remark_group", "repair", "writable",
+    "NOTHING", "Notebooks", "Submission", "find", "group_of", "read", "remark_group", "repair",
+    "writable",
 ]  # fmt: skip
 
 Notebook = Any
+Notebooks = Mapping[str, Notebook]
 Cell = Any
 
 LARGEST, MOST_VALUES, LONGEST_CELL = 50e6, 1_000_000, 100_000
@@ -103,10 +105,7 @@ NAMELESS = (
 
 
 def find(
-    folder: Path,
-    sets: Mapping[str, Notebook],
-    wanted: Iterable[str] = (),
-    course: Course = UNPLANNED,
+    folder: Path, sets: Notebooks, wanted: Iterable[str] = (), course: Course = UNPLANNED
 ) -> list[Submission]:
     """Find what each student handed in.
 
@@ -211,9 +210,7 @@ def _is_notebook(path: Path, top: Path) -> bool:
     return ".ipynb" in path.name.lower() and not hidden and (path.is_symlink() or path.is_file())
 
 
-def _candidate(
-    owner: Owner, name: str, path: Path, folder: Path, sets: Mapping[str, Notebook]
-) -> Submission:
+def _candidate(owner: Owner, name: str, path: Path, folder: Path, sets: Notebooks) -> Submission:
     shown = _told(path.relative_to(folder).as_posix())
     found = Submission(owner.student, "", path, owner=owner, file=name, shown=shown)
     if path.is_symlink():
@@ -240,7 +237,7 @@ def _candidate(
     return found
 
 
-def _named_set(name: str, sets: Mapping[str, Notebook]) -> str:
+def _named_set(name: str, sets: Notebooks) -> str:
     number = SET_IN_NAME.search(name)
     return f"set{number[1]}" if number and f"set{number[1]}" in sets else ""
 
@@ -322,7 +319,7 @@ def writable(content: Any) -> Any:
     return json.loads(json.dumps(content, ensure_ascii=False).encode("utf-8", "replace"))
 
 
-def set_of(notebook: Notebook, sets: Mapping[str, Notebook]) -> str:
+def set_of(notebook: Notebook, sets: Notebooks) -> str:
     """Tell from the cells which set a notebook belongs to; empty if it is not clear."""
     if notebook is None:
         return ""
