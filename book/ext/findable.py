@@ -46,6 +46,8 @@ SUPERSCRIPTS = str.maketrans("0123456789+-n", "⁰¹²³⁴⁵⁶⁷⁸⁹⁺⁻
 
 
 # --- formulas in plain letters --------------------------------------------------------------------
+
+
 @cache
 def plain(latex: str, display: bool = False) -> str:
     """Write a formula in one line of plain letters, near enough to be recognised."""
@@ -88,6 +90,8 @@ def power(exponent: str) -> str:
 
 
 # --- what a reader reads --------------------------------------------------------------------------
+
+
 def read_aloud(node: nodes.Node) -> str:
     """Give the text of a node, formulas in plain letters, without what no one reads."""
     if isinstance(node, nodes.Text):
@@ -141,6 +145,8 @@ def words(glossary: Path) -> list[Word]:
 
 
 # --- the search -----------------------------------------------------------------------------------
+
+
 def entry(page: str, tree: nodes.document) -> dict[str, Any]:
     """Give what the search knows of one page."""
     sections = list(tree.findall(nodes.section))
@@ -173,6 +179,8 @@ def add_scripts(app: Sphinx, page: str, *_: object) -> None:
 
 
 # --- the index ------------------------------------------------------------------------------------
+
+
 class Concordance(SphinxTransform):
     """Index a chapter by the words of the glossary; leave the names of the package out."""
 

@@ -65,6 +65,8 @@ def resolve(
 
 
 # --- claims ---------------------------------------------------------------------------------------
+
+
 def claim_link(id: str, page: str, beside: nodes.Element) -> nodes.Element:
     return link("claim", id, nodes.literal(id, id, classes=["claim-link"]), page, beside)
 
@@ -134,6 +136,8 @@ class PaperNumbers(SphinxTransform):
 
 
 # --- theorems -------------------------------------------------------------------------------------
+
+
 def check(app: Sphinx) -> None:
     """Name what is amiss with the theorems, in every build, whatever Sphinx remembers."""
     warn(faults_of_book(folder_of(app.env)))

@@ -187,6 +187,8 @@ BUILD |= {"list": lambda *parts: [*parts], "tuple": lambda *parts: parts}
 
 
 # --- in the process of the student's code -------------------------------------------------------
+
+
 def packed(case: Any) -> str:
     """Pack a case for the way to the student's code; it is ours, so a pickle is safe there.
 

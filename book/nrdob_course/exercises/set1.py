@@ -31,6 +31,8 @@ def _gain_error(rng: np.random.Generator) -> float:
 
 
 # --- 1.1 What is left when all has settled ------------------------------------------------------
+
+
 @dataclass(frozen=True, eq=False)
 class SettledCase:
     """Gains at s = 0 of a stable loop with F(0) = 1."""
@@ -134,6 +136,8 @@ SETTLED = pose(
 
 
 # --- 1.3 The polynomial of the observer ---------------------------------------------------------
+
+
 @dataclass(frozen=True, eq=False)
 class PolynomialCase:
     """Polynomials of a loop, coefficients in descending powers of s."""
@@ -235,6 +239,8 @@ POLYNOMIAL = pose(
 
 
 # --- 1.4 The plant's gain, read off a curve -----------------------------------------------------
+
+
 @dataclass(frozen=True, eq=False)
 class SensitivityCase:
     """A loop whose |S_d| was measured: `case.plot()` draws it."""
@@ -324,6 +330,8 @@ READING = pose(
 
 
 # --- 1.5 Find the error: three degrees of freedom -----------------------------------------------
+
+
 class TwinCase(LoopCase):
     """A stable loop, for which a twin is to be found."""
 
@@ -444,6 +452,8 @@ TWIN = pose(
 
 
 # --- 1.6 A filter for three wishes ----------------------------------------------------------------
+
+
 @dataclass(frozen=True, eq=False)
 class WishCase:
     """What a filter should do, for a plant that its model describes."""

@@ -23,6 +23,8 @@ __all__ = ["CLOSING", "LITERAL", "READING", "TURNS", "UNTURNED"]
 
 
 # --- 2.1 Turns from a list of roots -------------------------------------------------------------
+
+
 @dataclass(frozen=True, eq=False)
 class RootsCase:
     """A loop, taken apart into roots."""
@@ -115,6 +117,8 @@ TURNS = pose(
 
 
 # --- 2.3 Read a plot ----------------------------------------------------------------------------
+
+
 class PlotCase(LoopCase):
     """A loop whose plot of FH is to be read."""
 
@@ -194,6 +198,8 @@ READING = pose(
 
 
 # --- 2.4 Close the curve ------------------------------------------------------------------------
+
+
 @dataclass(frozen=True, eq=False)
 class HalfCurve:
     """What is known of a function H: its values, and how it behaves at both ends."""
@@ -332,6 +338,8 @@ CLOSING = pose(
 
 
 # --- 2.5 Lemma 1, read literally ----------------------------------------------------------------
+
+
 def _unstable_plant(rng: np.random.Generator) -> UnstablePlant:
     pole = draw(rng, 0.5, 3)
     return UnstablePlant(draw(rng, 0.5, 5), pole, few(pole * rng.uniform(1.5, 4)))
@@ -399,6 +407,8 @@ LITERAL = pose(
 
 
 # --- 2.6 A loop that should not exist -----------------------------------------------------------
+
+
 @dataclass(frozen=True, eq=False, repr=False)
 class DistantZero(UnstablePlant):
     """A plant gain (1 - s/zero)/((s - pole)(s + decay))."""

@@ -26,6 +26,8 @@ __all__ = ["DELAY_MARGIN", "DESIGN", "GAIN", "NOISE_MAP", "PROMISE"]
 
 
 # --- 3.1 What M_s promises ----------------------------------------------------------------------
+
+
 @dataclass(frozen=True, eq=False)
 class PeakCase:
     """A loop of which only the peak of the sensitivity is known."""
@@ -102,6 +104,8 @@ PROMISE = pose(
 
 
 # --- 3.3 The delay margin, from a measurement ---------------------------------------------------
+
+
 @dataclass(frozen=True, eq=False)
 class MeasuredCase:
     """The frequency response of a plant loop, measured; the loop is stable."""
@@ -230,6 +234,8 @@ DELAY_MARGIN = pose(
 
 
 # --- 3.4 Where may the plant be wrong -----------------------------------------------------------
+
+
 @dataclass(frozen=True, eq=False)
 class NoiseCase:
     """A loop whose maps are drawn, `case.plot()`, and how wrong its plant may be."""
@@ -316,6 +322,8 @@ NOISE_MAP = pose(
 
 
 # --- 3.5 Find the error: the margin of FH -------------------------------------------------------
+
+
 class GainCase(LoopCase):
     """A stable loop whose F H has an adequate gain margin."""
 
@@ -393,6 +401,8 @@ GAIN = pose(
 
 
 # --- 3.6 Design for margins ---------------------------------------------------------------------
+
+
 @dataclass(frozen=True, eq=False)
 class MarginCase:
     """A plant, its model, and what the loop should be able to do."""

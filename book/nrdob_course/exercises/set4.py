@@ -42,6 +42,8 @@ __all__ = ["BETTER", "CARD", "FASTEST_ORDER", "SLOW_FILTER", "THREE_PLANTS"]
 
 
 # --- 4.1 The card -------------------------------------------------------------------------------
+
+
 @dataclass(frozen=True, eq=False)
 class CardCase:
     """Four errors of a model, each by itself, and the order of the filter."""
@@ -144,6 +146,7 @@ CARD = pose(
 
 
 # --- 4.2 Which order is the fastest? ------------------------------------------------------------
+
 ORDERS = (2, 3, 4)
 
 
@@ -258,6 +261,7 @@ FASTEST_ORDER = pose(
 
 
 # --- 4.3 One filter for three plants ------------------------------------------------------------
+
 FASTER = 1.05  # by how much a filter may be slower than needed
 
 
@@ -410,6 +414,7 @@ THREE_PLANTS = pose(
 
 
 # --- 4.5 Find the error: reduce the bandwidth ---------------------------------------------------
+
 SLOW = (1e2, 1e3, 1e4)
 """Time constants against the slowest of plant and model: so slow that the limit has come."""
 
@@ -489,6 +494,8 @@ SLOW_FILTER = pose(
 
 
 # --- 4.6 Better than equal lags -----------------------------------------------------------------
+
+
 @dataclass(frozen=True, eq=False)
 class BetterCase:
     """A model that is right, and what a filter should do."""

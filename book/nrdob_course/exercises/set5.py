@@ -28,6 +28,8 @@ __all__ = ["ADVICE", "BORDER", "DESIGN", "EDGE", "SIGN", "WAITING", "draw_edge"]
 
 
 # --- 5.1 Which sign? ----------------------------------------------------------------------------
+
+
 class Pair(NamedTuple):
     """A plant, and a stable model whose sign is still open."""
 
@@ -132,6 +134,8 @@ SIGN = pose(
 
 
 # --- 5.3 How fast may the filter be? ------------------------------------------------------------
+
+
 @dataclass(frozen=True, eq=False)
 class FilterCase:
     """A plant, a model and the order of the filter."""
@@ -229,6 +233,8 @@ BORDER = pose(
 
 
 # --- 5.4 Read an edge off a picture -------------------------------------------------------------
+
+
 @kept
 def edge_of(case: FilterCase) -> tuple[float, float]:
     """Give the time constant of the edge, and the frequency of the roots there."""
@@ -337,6 +343,8 @@ EDGE = pose(
 
 
 # --- 5.5 More lags in the model -----------------------------------------------------------------
+
+
 def _unstable_plant(rng: np.random.Generator) -> UnstablePlant:
     pole = draw(rng, 0.5, 3)
     gain = either_sign(rng) * draw(rng, 0.5, 5)
@@ -397,6 +405,8 @@ ADVICE = pose(
 
 
 # --- 5.6 Hold it --------------------------------------------------------------------------------
+
+
 @dataclass(frozen=True, eq=False)
 class DesignCase:
     """A plant gain/((s - pole)(s/decay + 1)), with a dead time that may come on top."""
@@ -519,6 +529,8 @@ DESIGN = pose(
 
 
 # --- 5.7 How well must the dead time be known? --------------------------------------------------
+
+
 @dataclass(frozen=True, eq=False)
 class DelayedCase:
     """A plant whose model has nearly the right dead time."""

@@ -29,6 +29,8 @@ __all__ = ["BENCH", "DESIGN", "EQUAL_REJECTION", "ONE_PLANT", "QUIETEST"]
 
 
 # --- 6.1 Equal rejection ------------------------------------------------------------------------
+
+
 @dataclass(frozen=True, eq=False)
 class RejectionCase:
     """A loop for an unstable plant, and another model and order for the same plant."""
@@ -109,6 +111,7 @@ EQUAL_REJECTION = pose(
 
 
 # --- The plant of the project: 6.2 and 6.6 ------------------------------------------------------
+
 ORDER = 3  # relative degree of the model and one more, so that noise reaches u with a finite power
 
 
@@ -394,6 +397,8 @@ def _project(rng: np.random.Generator) -> Project:
 
 
 # --- 6.2 The quietest filter --------------------------------------------------------------------
+
+
 def _quiet(case: QuietCase, value: float) -> str:
     for name, plant in (("plant", case.plant), ("modified plant", case.modified)):
         if observer_stable(plant, case.model, LowPassFilter(value, ORDER)) is not True:
@@ -424,6 +429,8 @@ QUIETEST = pose(
 
 
 # --- 6.4 Find the error: one modified plant -----------------------------------------------------
+
+
 @dataclass(frozen=True, eq=False)
 class SurvivalCase:
     """A loop that is stable with its plant and with a modified one."""
@@ -520,6 +527,8 @@ ONE_PLANT = pose(
 
 
 # --- 6.5 The test bench -------------------------------------------------------------------------
+
+
 @dataclass(frozen=True, eq=False)
 class BenchCase:
     """Three filters to be tried on several plants."""
@@ -642,6 +651,7 @@ BENCH = pose(
 
 
 # --- 6.6 The design -----------------------------------------------------------------------------
+
 STAGES = ("model", "observer", "Ms", "disturbance", "settling", "changed", "noise")
 """In the order in which they are looked at; each is worth a point of seven."""
 

@@ -25,6 +25,7 @@ __all__ = ["COUNTING", "DIFFERENCE", "PROGRAM", "REST", "SHAFT"]
 
 
 # --- 7.1 What does one count cost? --------------------------------------------------------------
+
 COUNTS = (500, 1000, 1024, 2000, 2048, 4000, 4096, 10_000)
 
 
@@ -92,6 +93,8 @@ COUNTING = pose(
 
 
 # --- 7.2 Tustin by hand -------------------------------------------------------------------------
+
+
 @dataclass(frozen=True, eq=False)
 class DifferenceCase:
     """The block F/Gm with F = 1/(λs + 1) and Gm = 1/(Js + b), and a sampling time."""
@@ -174,6 +177,8 @@ DIFFERENCE = pose(
 
 
 # --- 7.4 Read a program, and run it -------------------------------------------------------------
+
+
 @dataclass(frozen=True, eq=False)
 class ProgramCase:
     """A generated controller, and the drive that it is to run."""
@@ -302,6 +307,8 @@ PROGRAM = pose(
 
 
 # --- 7.5 Where does it rest? --------------------------------------------------------------------
+
+
 @dataclass(frozen=True, eq=False)
 class RestCase:
     """A motor with friction, and two position loops around the same model."""
@@ -399,6 +406,7 @@ REST = pose(
 
 
 # --- 7.6 A motor on an elastic shaft ------------------------------------------------------------
+
 LOADS = (0.5, 1.0, 2.0)  # inertia of the load, as a share of the usual one
 
 

@@ -411,6 +411,7 @@ def main(place: str, student: str, set_name: str) -> None:
 
 
 # --- many, one after the other -------------------------------------------------------------------
+
 CASES = 8  # as many as a hidden test draws; others are drawn when they are asked for
 
 

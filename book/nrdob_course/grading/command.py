@@ -42,6 +42,8 @@ Notebook = Any
 
 
 # --- grading ------------------------------------------------------------------------------------
+
+
 def grade(
     folder: Path,
     wanted: Sequence[str] = (),
@@ -272,6 +274,8 @@ def write_anew(
 
 
 # --- changing -----------------------------------------------------------------------------------
+
+
 def override(
     target: Path, key: Key, points: str, who: str, why: str, plan: Course | None = None
 ) -> int:
@@ -340,6 +344,8 @@ def regrade(
 
 
 # --- command line -------------------------------------------------------------------------------
+
+
 def login() -> str:
     """Tell who is at the keyboard; where the system does not know, nobody does."""
     try:

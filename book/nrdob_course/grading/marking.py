@@ -132,6 +132,8 @@ PAGES.filters |= {"number": number, "shown": _shown}
 
 
 # --- the class at a glance ----------------------------------------------------------------------
+
+
 def mistakes(root: Path, found: Iterable[Line]) -> Counter[tuple[str, str]]:
     """Count the misconceptions that the feedback has named, by problem."""
     counts: Counter[tuple[str, str]] = Counter()

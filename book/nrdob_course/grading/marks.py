@@ -55,6 +55,8 @@ def number(points: float | None) -> str:
 
 
 # --- what the gradebook does not know -----------------------------------------------------------
+
+
 class Records:
     """Who handed in what, and what there was to remark; one entry for student and set."""
 
@@ -123,6 +125,8 @@ class Records:
 
 
 # --- the gradebook ------------------------------------------------------------------------------
+
+
 def enter(gradebook: Gradebook, folder: str, outcome: Outcome) -> None:
     """Enter what was graded automatically; marks given by hand stay."""
     name = outcome.submission.set
@@ -159,6 +163,8 @@ def unmarked(grade: Any) -> bool:
 
 
 # --- the tables ---------------------------------------------------------------------------------
+
+
 @dataclass(frozen=True)
 class Line:
     """What a student has for a set, after what being late costs."""

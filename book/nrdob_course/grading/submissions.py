@@ -94,6 +94,8 @@ class Submission:
 
 
 # --- which files there are ----------------------------------------------------------------------
+
+
 NOTHING = "nothing was handed in"
 UNCLEAR = "another of this name is on the roster, and what was handed in says not whose it is"
 LINK = "it is a link, and links are not followed"
@@ -347,6 +349,8 @@ def _within(data: Any, *keys: str) -> Any:
 
 
 # --- putting right ------------------------------------------------------------------------------
+
+
 def repair(submission: Submission, released: Notebook, assigned: int | None = None) -> None:
     """Build the notebook anew from the student's text and the released cells' metadata.
 

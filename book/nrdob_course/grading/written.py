@@ -189,6 +189,7 @@ def answers_of(beside: Path, entry: Record) -> Iterable[tuple[str, Any]]:
 
 
 # --- changes ------------------------------------------------------------------------------------
+
 LOG = "changes.csv"
 LOG_COLUMNS = ("when", "who", "how", "student", "set", "problem", "old", "new", "why")
 AUTO = "auto"  # stands for the points of an override that was withdrawn
