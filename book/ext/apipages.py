@@ -6,8 +6,6 @@ hold, a function that is a default by its address, and the name of a type by wha
 Here they get words; and where a page is narrow, names break at dots and brackets only.
 """
 
-from __future__ import annotations
-
 import re
 import tomllib
 from collections import namedtuple

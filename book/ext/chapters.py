@@ -10,8 +10,6 @@ one. And Sphinx forgets all of it when a program that makes pages has changed: t
 extension's version is made of all their texts.
 """
 
-from __future__ import annotations
-
 import base64
 import json
 import re

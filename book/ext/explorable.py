@@ -13,15 +13,13 @@ rest. Beside it ``{diagram} nrdob`` draws a block diagram of the package on a pa
 notebook.
 """
 
-from __future__ import annotations
-
 import base64
 import json
 import tomllib
 from dataclasses import dataclass, field, replace
 from html import escape
 from pathlib import Path
-from typing import Any
+from typing import Any, Self
 
 import control as ct
 import numpy as np
@@ -62,7 +60,7 @@ class Scene:
         """The coefficients that the script starts from."""
         return coefficients(self.loop) | self.more
 
-    def charted(self) -> Scene:
+    def charted(self) -> Self:
         """Begin with the whole dead time as one that can be moved."""
         start = self.start | {"delay": self.loop.delay}
         return replace(self, start=start, more=self.more | {"delay": 0.0})
@@ -163,13 +161,10 @@ def carried(
 
 
 def places(book: Path) -> dict[str, dict[str, Any]]:
-    """Read the table of what can be moved."""
     return tomllib.loads((book / TABLE).read_text("utf-8"))
 
 
 class Explorable(SphinxDirective):
-    """A figure that can be moved."""
-
     required_arguments = 1
 
     def run(self) -> list[nodes.Node]:
@@ -203,7 +198,6 @@ class BlockDiagram(SphinxDirective):
 
 
 def add_scripts(app: Sphinx, page: str, _: str, _context: object, doctree: object) -> None:
-    """Load the scripts where there is something to be moved."""
     if doctree is not None and "explorable" in app.env.metadata[page]:
         for script in SCRIPTS:
             app.add_js_file(script, loading_method="defer")

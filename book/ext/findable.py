@@ -10,8 +10,6 @@ glossary leads, those with the word in a heading, and those whose text has it of
 the package stay out: they have a page of their own, and would drown the rest.
 """
 
-from __future__ import annotations
-
 import json
 import re
 from functools import cache
@@ -115,11 +113,7 @@ def cited(key: str) -> str:
 
 def text_of(section: nodes.section) -> str:
     """Give the prose of a section, without that of the sections in it."""
-    blocks = (
-        block
-        for block in section.findall(lambda node: isinstance(node, BLOCKS))
-        if is_in(section, block)
-    )
+    blocks = section.findall(lambda node: isinstance(node, BLOCKS) and is_in(section, node))
     return " ".join(" ".join(map(read_aloud, blocks)).split())
 
 
@@ -157,14 +151,11 @@ def entry(page: str, tree: nodes.document) -> dict[str, Any]:
     """Give what the search knows of one page."""
     sections = list(tree.findall(nodes.section))
     kind = KINDS.get(page.partition("/")[0], "page")
-    return {
-        "kind": kind,
-        "title": read_aloud(sections[0][0]) if sections else page,
-        "sections": [
-            [section["ids"][0], read_aloud(section[0]), cut(text_of(section), LONGEST[kind])]
-            for section in sections
-        ],
-    }
+    titles = [read_aloud(section[0]) for section in sections]
+    texts = [cut(text_of(section), LONGEST[kind]) for section in sections]
+    ids = [section["ids"][0] for section in sections]
+    told = [list(each) for each in zip(ids, titles, texts, strict=True)]
+    return {"kind": kind, "title": titles[0] if titles else page, "sections": told}
 
 
 def cut(text: str, most: int) -> str:
@@ -173,23 +164,15 @@ def cut(text: str, most: int) -> str:
 
 
 def write_texts(app: Sphinx, folder: Path) -> None:
-    known = {
-        "pages": {
-            page: entry(page, app.env.get_doctree(page)) for page in sorted(app.env.found_docs)
-        },
-        "terms": {
-            name.lower(): word.page
-            for word in words(Path(app.srcdir) / GLOSSARY)
-            for name in word.names
-            if word.page
-        },
-    }
+    pages = {page: entry(page, app.env.get_doctree(page)) for page in sorted(app.env.found_docs)}
+    linked = [word for word in words(Path(app.srcdir) / GLOSSARY) if word.page]
+    terms = {name.lower(): word.page for word in linked for name in word.names}
+    known = {"pages": pages, "terms": terms}
     text = json.dumps(known, ensure_ascii=False, separators=(",", ":"))
     (folder / "_static" / TEXTS).write_text(f"window.TEXTS = {text};\n", "utf-8")
 
 
 def add_scripts(app: Sphinx, page: str, *_: object) -> None:
-    """Load on the page of the search what it needs."""
     if page == "search":
         app.add_js_file(TEXTS)
         app.add_js_file("search.js", loading_method="defer")

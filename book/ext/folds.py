@@ -14,8 +14,6 @@ they would be two things to click, each called like all the others; here they be
 "Solution of exercise 3". Any other folded cell says what is behind it.
 """
 
-from __future__ import annotations
-
 import re
 from collections.abc import Callable
 from typing import Any, ClassVar
@@ -118,7 +116,6 @@ def is_html(node: nodes.Node, wanted: re.Pattern[str]) -> bool:
 
 
 def is_folded_cell(node: nodes.Node) -> bool:
-    """Tell whether a node is a cell of code that is shown on demand."""
     return isinstance(node, nodes.container) and node.get("hide_mode") == "all"
 
 

@@ -6,8 +6,6 @@ cut out of the theme's script of two thousand and become a style; as the theme n
 every page, what is left of it is empty.
 """
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 from urllib.parse import quote

@@ -4,8 +4,6 @@ The address of the repository is written once, in `pyproject.toml` under ``[tool
 as it is empty nothing is shown that would need it.
 """
 
-from __future__ import annotations
-
 import tomllib
 from pathlib import Path
 from typing import Any
@@ -55,10 +53,8 @@ def add_buttons(app: Sphinx, page: str, _: str, context: Any, _doctree: object) 
     for name, url in starts(app.config.nrdob_repository, page).items():
         places.append((name, url, rocket, f"Run this chapter on {name}"))
     keys = ("text", "url", "icon", "tooltip")
-    buttons = [
-        {"type": "link", "label": f"get-{place[0].lower()}", **dict(zip(keys, place, strict=True))}
-        for place in places
-    ]
+    told = [dict(zip(keys, place, strict=True)) for place in places]
+    buttons = [{"type": "link", "label": f"get-{each['text'].lower()}", **each} for each in told]
     group = {"type": "group", "label": "run-buttons", "icon": rocket, "tooltip": "Run it"}
     context["header_buttons"].append({**group, "buttons": buttons})
 
@@ -75,7 +71,6 @@ class Repository(SphinxDirective):
 
 
 def project_of(app: Sphinx) -> Path:
-    """Find the folder of the project."""
     return Path(app.srcdir, app.config.nrdob_project).resolve()
 
 

@@ -18,8 +18,6 @@ out of the openings of the chapters themselves. And
 leads from the equations, lemmas, figures and examples of the paper to chapters and ledger.
 """
 
-from __future__ import annotations
-
 import re
 from collections import defaultdict
 from collections.abc import Iterable
@@ -64,8 +62,6 @@ def link(opening: Chapter, shown: str, page: str) -> nodes.Node:
 
 
 class ChapterMap(SphinxDirective):
-    """All chapters, part by part."""
-
     def run(self) -> list[nodes.Node]:
         chapters = read_chapters(folder_of(self.env, noted=True))
         found = nodes.container(classes=["chapter-map"])
@@ -84,8 +80,6 @@ class ChapterMap(SphinxDirective):
 
 
 class ReadingPath(SphinxDirective):
-    """One way through the book."""
-
     required_arguments = 1
     final_argument_whitespace = True
     has_content = True
@@ -106,8 +100,6 @@ class ReadingPath(SphinxDirective):
 
 
 class PaperMap(SphinxDirective):
-    """The table from the paper's numbers to the book."""
-
     def run(self) -> list[nodes.Node]:
         return self.parse_text_to_nodes(table(folder_of(self.env, noted=True)))
 

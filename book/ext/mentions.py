@@ -11,8 +11,6 @@ one, stands in `statements`; the build fails on it. ``{theorem-index}`` stands f
 theorems, which is made from the chapters each time it is read.
 """
 
-from __future__ import annotations
-
 import re
 from collections.abc import Iterator
 from typing import Any
@@ -74,8 +72,6 @@ def claim_link(id: str, page: str, beside: nodes.Element) -> nodes.Element:
 
 
 class Claims(SphinxTransform):
-    """Turn citations of claims into links, and label the first one of each claim in a chapter."""
-
     default_priority = 500
 
     def apply(self, **_: object) -> None:
@@ -106,8 +102,6 @@ def claims_of(stem: str, figure: int = 0) -> list[str]:
 
 
 class PaperNumbers(SphinxTransform):
-    """Give the paper's equations their numbers, anchors, and the way to the ledger."""
-
     default_priority = 480
 
     def apply(self, **_: object) -> None:
@@ -147,16 +141,12 @@ class PaperNumbers(SphinxTransform):
 def check(app: Sphinx) -> None:
     """Name what is amiss with the theorems, in every build, whatever Sphinx remembers."""
     warn(faults_of_book(folder_of(app.env)))
-    app.env.nrdob_theorems = {  # type: ignore[attr-defined]
-        theorem.number: theorem
-        for theorems in theorems_of(folder_of(app.env)).values()
-        for theorem in theorems
-    }
+    chapters = theorems_of(folder_of(app.env)).values()
+    by_number = {theorem.number: theorem for theorems in chapters for theorem in theorems}
+    app.env.nrdob_theorems = by_number  # type: ignore[attr-defined]
 
 
 class Boxes(SphinxTransform):
-    """Make a box of each theorem, and a link of each mention."""
-
     default_priority = 490
 
     def apply(self, **_: object) -> None:
@@ -168,7 +158,6 @@ class Boxes(SphinxTransform):
                 text.parent.replace(text, pieces)
 
     def box(self, quotation: nodes.block_quote) -> None:
-        """Turn a quotation into a box, if it is a theorem."""
         strong = leading(quotation[0]) if quotation.children else None
         if not isinstance(strong, nodes.strong):
             return

@@ -7,8 +7,6 @@ The address is given by the environment, ``NRDOB_SITE``, when the site is built 
 build without it, on a disk, has none of these, and names no server.
 """
 
-from __future__ import annotations
-
 import os
 from html import escape
 from pathlib import Path

@@ -10,8 +10,6 @@ a chapter leads to its file, where it can be enlarged. The arrows that open a pa
 get a name for those who hear the page, and so do empty corners of tables.
 """
 
-from __future__ import annotations
-
 import re
 from html import escape
 from typing import Any
@@ -56,7 +54,6 @@ def set_formula(translator: Any, node: nodes.Element, latex: str, display: bool)
 
 
 def visit_inline(translator: Any, node: nodes.math) -> None:
-    """Set a formula in a line of text."""
     translator.body.append(translator.starttag(node, "span", "", CLASS="math notranslate"))
     set_formula(translator, node, node.astext(), display=False)
     translator.body.append("</span>")
@@ -64,7 +61,6 @@ def visit_inline(translator: Any, node: nodes.math) -> None:
 
 
 def visit_display(translator: Any, node: nodes.math_block) -> None:
-    """Set a formula in a line of its own, with its number."""
     translator.body.append(translator.starttag(node, "div", CLASS="math notranslate"))
     if node["number"]:
         translator.body.append(f'<span class="eqno">({get_node_equation_number(translator, node)})')

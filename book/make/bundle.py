@@ -3,8 +3,6 @@
 The problem sets stay out: where they lie, their solutions lie, too (`make release` gives them out).
 """
 
-from __future__ import annotations
-
 import sys
 from collections.abc import Iterator
 from itertools import chain

@@ -7,8 +7,6 @@ chapter is missing. The pages are written in any case, with what could be settle
 author of a chapter can look at them.
 """
 
-from __future__ import annotations
-
 import re
 import sys
 import time
@@ -78,7 +76,6 @@ def settle_all(
 
 
 def misfits(ledger: Mapping[str, Claim], chapters: Mapping[str, Chapter]) -> list[str]:
-    """Tell where ledger and chapters do not fit together."""
     told = [
         f"{id}: cited in {chapter.stem}, section {heading!r}, but there is no such claim"
         for chapter in chapters.values()
@@ -96,7 +93,6 @@ def misfits(ledger: Mapping[str, Claim], chapters: Mapping[str, Chapter]) -> lis
 
 
 def part_of(id: str) -> str | None:
-    """Name the part of the paper that a claim belongs to."""
     stem = id.partition(".")[0]
     return next((part for part, stems in PARTS.items() if re.fullmatch(stems, stem)), None)
 
@@ -136,15 +132,9 @@ def main(
     start = time.perf_counter()
     chapters = {path.stem: read_chapter(path) for path in sorted(given.notebooks.glob("*.ipynb"))}
     entries, problems = settle_all(ledger, settle)
+    told = {"entries": entries, "parts": by_part(entries), "verdicts": Verdict, "count": count}
     for name in PAGES:  # the ledger with every claim, the errata with what does not hold as printed
-        text = render(
-            name,
-            entries=entries,
-            parts=by_part(entries),
-            verdicts=Verdict,
-            count=count,
-            places=lambda claim: places(claim, chapters),
-        )
+        text = render(name, places=lambda claim: places(claim, chapters), **told)
         store(text, given.output / name)
     verdicts = ", ".join(f"{count(entries, verdict)} {verdict.value}" for verdict in Verdict)
     print(f"The ledger: {len(entries)} claims ({verdicts}), {time.perf_counter() - start:.1f} s")

@@ -6,8 +6,6 @@ attributes, columns have attributes of their own, and what an operator is to its
 in MathJax's notes. That is written as browsers read it (MathML Core).
 """
 
-from __future__ import annotations
-
 import atexit
 from functools import cache, lru_cache
 from unicodedata import lookup

@@ -5,8 +5,6 @@ no counters left over, one fixed set of metadata. So a second run gives the same
 difference means that something really changed.
 """
 
-from __future__ import annotations
-
 import argparse
 import sys
 import time

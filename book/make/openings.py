@@ -1,7 +1,5 @@
 """What the chapters promise in their first cells: to the map of the book, and to teachers."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 from typing import NamedTuple

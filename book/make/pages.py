@@ -1,7 +1,5 @@
 """What the programs that make pages share: templates, notebooks, installed files, options."""
 
-from __future__ import annotations
-
 import argparse
 import json
 import re

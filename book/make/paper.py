@@ -4,8 +4,6 @@ Each page is one HTML file that needs no network and no script: formulas are set
 page is made. Print it from a browser, on paper or into a PDF.
 """
 
-from __future__ import annotations
-
 import re
 import sys
 from collections.abc import Iterator

@@ -4,8 +4,6 @@ A browser sets it: Debian's Chromium, or any other on the path. Formulas are set
 printed twice, the second time with the page numbers in the contents. It takes some minutes.
 """
 
-from __future__ import annotations
-
 import logging
 import re
 import shutil
@@ -48,8 +46,6 @@ class Chapter(NamedTuple):
 
 
 class Part(NamedTuple):
-    """Some chapters with a title."""
-
     title: str
     chapters: tuple[Chapter, ...]
 
@@ -169,7 +165,6 @@ def browser_on_path() -> str | None:
 
 
 def build(site: Path, output: Path) -> None:
-    """Set the site as a book and print it."""
     from playwright.sync_api import sync_playwright
 
     browser_path = browser_on_path()

@@ -5,8 +5,6 @@ cell, made here, with the figures attached: each choice can be opened and tells 
 it, without a kernel or a script.
 """
 
-from __future__ import annotations
-
 import re
 import sys
 from dataclasses import dataclass
@@ -52,11 +50,8 @@ class Question:
 
 def read_questions(folder: Path = NOTEBOOKS / "class") -> dict[str, Question]:
     """Read the questions of all weeks, by their chapters."""
-    found = [
-        _read(cells)
-        for path in sorted(folder.glob("*.ipynb"))
-        for cells in split(nbformat.read(path, as_version=4).cells)
-    ]
+    weeks = [nbformat.read(path, as_version=4) for path in sorted(folder.glob("*.ipynb"))]
+    found = [_read(cells) for week in weeks for cells in split(week.cells)]
     return {question.chapter: question for question in found}
 
 

@@ -1,7 +1,5 @@
 """Draw the README's picture: the Nyquist plot of the unstable example."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 from nrdob import paper

@@ -3,8 +3,6 @@
 Nothing here needs Sphinx: the tests and the build ask the same function.
 """
 
-from __future__ import annotations
-
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
@@ -17,15 +15,11 @@ Cell = Mapping[str, Any]
 
 def faults_of_book(folder: Path) -> list[str]:
     """Name what the chapters in a folder lack, each with its place."""
-    return [
-        fault
-        for path in sorted(folder.glob("*.ipynb"))
-        for fault in faults(path.stem, cells_of(path))
-    ]
+    paths = sorted(folder.glob("*.ipynb"))
+    return [fault for path in paths for fault in faults(path.stem, cells_of(path))]
 
 
 def faults(page: str, cells: Sequence[Cell]) -> Iterator[str]:
-    """Name what one chapter lacks."""
     first = cells[0] if cells else {"cell_type": "raw", "source": ""}
     if first["cell_type"] != "markdown" or not re.match(r"(<!--.*?-->\s*)*# \S", first["source"]):
         yield f"{page}: does not open with its title, '# …'"
@@ -41,7 +35,6 @@ def faults(page: str, cells: Sequence[Cell]) -> Iterator[str]:
 
 
 def faults_of_figure(cell: Cell) -> Iterator[str]:
-    """Say what the figure of a cell lacks."""
     book = cell["metadata"].get("mystnb", {})
     figure = book.get("figure", {})
     shown = pictures(cell)

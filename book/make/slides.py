@@ -6,8 +6,6 @@ One deck for each week, and one with all questions in the order of the course of
 made is. reveal.js and MathJax come out of installed packages and are laid beside the slides.
 """
 
-from __future__ import annotations
-
 import re
 import shutil
 import sys

@@ -21,8 +21,6 @@ entry. Read, it gives its parts as Markdown:
 Nothing here needs Sphinx: the tests and the build ask the same functions.
 """
 
-from __future__ import annotations
-
 import re
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
@@ -64,7 +62,6 @@ class Theorem:
 
     @property
     def parts(self) -> dict[str, str]:
-        """What follows the conditions, by label."""
         without = {f"Without {k}": text for k, text in self.without.items()}
         return {"Then": self.then, **without, "Proof": self.proof, "Known": self.known}
 
@@ -87,11 +84,8 @@ def quotations(cells: Iterable[str]) -> Iterator[str]:
 
 def read(page: str, cells: Iterable[str]) -> list[Theorem]:
     """Read the theorems of a chapter in their order; what is no theorem is passed over."""
-    return [
-        parse(page, head, text[head.end() :])
-        for text in quotations(cells)
-        if (head := HEAD.match(text))
-    ]
+    found = ((HEAD.match(text), text) for text in quotations(cells))
+    return [parse(page, head, text[head.end() :]) for head, text in found if head]
 
 
 def parse(page: str, head: re.Match[str], body: str) -> Theorem:
@@ -145,7 +139,6 @@ def faults(page: str, cells: Iterable[str]) -> list[str]:
 
 
 def faults_of(theorem: Theorem) -> Iterator[str]:
-    """Say what one theorem lacks."""
     if theorem.page.partition("_")[0].lstrip("0") != theorem.number.partition(".")[0]:
         yield f"stands in {theorem.page}, and has the number of another chapter"
     if not theorem.listed:

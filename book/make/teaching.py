@@ -8,8 +8,6 @@ ask a student, what earns points where somebody reads the answer. The exit code 
 reason is listed, if the two do not fit together; the pages are written in any case.
 """
 
-from __future__ import annotations
-
 import re
 import sys
 import tomllib
@@ -66,8 +64,6 @@ class Task(NamedTuple):
 
 
 class ProblemSet(NamedTuple):
-    """A notebook of problems."""
-
     name: str
     title: str
     tasks: tuple[Task, ...]
@@ -146,11 +142,8 @@ class Pack:
 
     def objectives_of(self, id: str) -> list[tuple[str, str]]:
         """Give chapter and objective for all that a problem trains, as far as they exist."""
-        return [
-            (stem, objective)
-            for stem, begins in self.advice_on(id).trains
-            for objective in self.promised(stem, begins)
-        ]
+        trained = self.advice_on(id).trains
+        return [(stem, each) for stem, begins in trained for each in self.promised(stem, begins)]
 
     def promised(self, stem: str, begins: str) -> list[str]:
         """Give the objectives of a chapter that begin like this."""
@@ -181,18 +174,13 @@ class Pack:
 
     @property
     def parts(self) -> dict[str, list[Chapter]]:
-        """The chapters of each part of the book."""
-        return {
-            part: [chapter for chapter in self.chapters.values() if chapter.number in numbers]
-            for part, numbers in PARTS.items()
-        }
+        chapters = self.chapters.values()
+        return {part: [c for c in chapters if c.number in of] for part, of in PARTS.items()}
 
     def problems_for(self, stem: str, objective: str) -> list[str]:
-        """Name the problems that practise an objective of a chapter."""
         return [task.id for task in self.tasks if (stem, objective) in self.objectives_of(task.id)]
 
     def chapters_of(self, task: Task) -> list[Chapter]:
-        """Give the chapters that a problem belongs to."""
         stems = dict.fromkeys(stem for stem, _ in self.objectives_of(task.id))
         return [self.chapters[stem] for stem in stems]
 

@@ -3,8 +3,6 @@
 What was run, how often and with what result stands in ``book/runs.toml``, entered by who ran it.
 """
 
-from __future__ import annotations
-
 import sys
 import tomllib
 

@@ -5,8 +5,6 @@ student's code has made is ever run or trusted where the points are given: a loo
 blocks, and is judged afresh.
 """
 
-from __future__ import annotations
-
 import base64
 import json
 import pickle
@@ -26,7 +24,7 @@ from nrdob.loop import NRDOB
 
 __all__ = [
     "BLOCKS", "BUILD", "HANDOUT", "LONGEST", "LONGEST_TEXT", "MIME", "MOST", "decode", "encode",
-    "packed", "tell",
+    "line_of", "packed", "tell",
 ]  # fmt: skip
 
 MIME = "application/vnd.nrdob.answer+json"
@@ -240,9 +238,19 @@ def _called(answer: Any, case: Any) -> Any:
             warnings.simplefilter("ignore")
             got = answer(case)
     except (Exception, SystemExit) as error:
-        file = getattr(getattr(answer, "__code__", None), "co_filename", None)
-        frames = traceback.extract_tb(error.__traceback__)
-        lines = [frame.line for frame in frames if frame.filename == file and frame.line]
-        where = f". In the line: {lines[-1]}" if lines else ""
+        where = f". {line}" if (line := line_of(error, answer)) else ""
         return {"error": [type(error).__name__, f"{error!s:.500}{where:.300}"]}
     return {"value": encode(got)}
+
+
+def line_of(error: BaseException, answer: Any) -> str:
+    """Say which line of a function has raised an error; empty if that was none of its file.
+
+    Parameters
+    ----------
+    error, answer : exception, callable
+    """
+    file = getattr(getattr(answer, "__code__", None), "co_filename", None)
+    frames = traceback.extract_tb(error.__traceback__)
+    lines = [frame.line for frame in frames if frame.filename == file and frame.line]
+    return f"In the line: {lines[-1]}" if lines else ""

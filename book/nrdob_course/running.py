@@ -1,7 +1,5 @@
 """Run one notebook so that the result depends on the notebook, the code and the versions alone."""
 
-from __future__ import annotations
-
 import os
 from pathlib import Path
 from typing import Any
@@ -49,11 +47,8 @@ def copy_alt_text(cell: Any) -> None:
     metadata of the cell, ``mystnb.image.alt``. Caption and name, which the author writes in
     ``mystnb.figure``, stay as they are.
     """
-    alts = [
-        output.metadata["image/png"]["alt"]
-        for output in cell.outputs
-        if "alt" in output.get("metadata", {}).get("image/png", {})
-    ]
+    pictures = [output.get("metadata", {}).get("image/png", {}) for output in cell.outputs]
+    alts = [picture["alt"] for picture in pictures if "alt" in picture]
     if len(alts) > 1:
         raise NotebookRuleError(f"cell {cell.id} shows {len(alts)} figures; show one")
     if alts:

@@ -118,8 +118,8 @@ def test_texts_and_checks_belong_together():
 
 def test_nothing_is_true_of_nothing():
     with pytest.raises(ValueError, match="nothing was tried"):
-        signals.every([])
-    assert not signals.same([], [])
+        ledger.every([])
+    assert not ledger.same([], [])
 
 
 # The claims. Their verdicts are tested in tests/book/test_site.py, where the ledger is written.

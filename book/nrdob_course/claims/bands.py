@@ -1,7 +1,5 @@
 """Eqs. (5) and (6): what the loop does at low and at high frequency, and what follows."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from math import inf, sqrt
 from typing import Any
@@ -10,27 +8,13 @@ import control as ct
 import numpy as np
 from scipy.optimize import brentq
 
-from nrdob.diagram import LowPassFilter
-from nrdob.loop import NRDOB
+from nrdob import NRDOB, LowPassFilter
 from nrdob.numerics import ComplexArray, FloatArray, number
 from nrdob.paper import EXAMPLES, example
 
-from .ledger import Finding
+from .ledger import ABOUT, EXACT, NEAR, STOPPED, Finding, counted, every, numbers, same
 from .recurring import filtered, section
-from .signals import (
-    ABOUT,
-    EXACT,
-    NEAR,
-    ORDERS,
-    STOPPED,
-    Values,
-    counted,
-    every,
-    is_stable,
-    many_loops,
-    numbers,
-    same,
-)
+from .signals import ORDERS, Values, is_stable, many_loops
 
 __all__ = ["SECTION"]
 
@@ -63,6 +47,7 @@ def _tracking_at_low_frequency() -> Finding:
 
     sizes = [np.abs(compared(loop, _low_band(loop))) for loop in map(example, EXAMPLES)]
     worst = [size[np.abs(size - 1).argmax()] for size in sizes]
+    at_zero = every(same(compared(loop, np.array([1e-7j])), 1, rtol=1e-4) for loop in many_loops())
     return Finding(
         every(abs(value - 1) <= NEAR for value in worst),
         f"the factor between the two reaches {numbers(worst)} on [0, ω_B] in Examples 1 to 4",
@@ -70,9 +55,7 @@ def _tracking_at_low_frequency() -> Finding:
         conditions={
             "the first factor is (1 + H)/(1 + FH)": same(factor, (1 + v.H) / (1 + v.FH)),
             "it differs from 1 by (1 − F)H/(1 + FH)": same(factor - 1, off),
-            "it tends to 1 with s": every(
-                same(compared(loop, np.array([1e-7j])), 1, rtol=1e-4) for loop in many_loops()
-            ),
+            "it tends to 1 with s": at_zero,
         },
     )
 
@@ -233,6 +216,7 @@ def _noise_at_high_frequency() -> Finding:
     worst = _worst(lambda loop: float(np.abs(loop.S_eta(_high_band(loop))).max()))
     biproper, stable, said = _biproper()
     passes = float(np.abs(biproper.S_eta(_high_band(biproper))).min())
+    dies_out = every(abs(loop.S_eta(_high_band(loop)[-1])) < 1e-3 for loop in _dying())
     return Finding(
         every(value <= NEAR for value in worst) and passes <= NEAR,
         f"where |F| ≤ 0.01 |S_η| is at most {numbers(worst)} in Examples 1 to 4; {said} it is "
@@ -242,9 +226,7 @@ def _noise_at_high_frequency() -> Finding:
             "S_η = −F(1 + H)/(1 + FH)": same(v.map("S_eta"), exact),
             "Example 2 with n = 1, λ = 0.02 s is stable": stable,
             "there S_η does not die out": passes > 1 - NEAR,
-            "S_η dies out if FH is strictly proper": every(
-                abs(loop.S_eta(_high_band(loop)[-1])) < 1e-3 for loop in _dying()
-            ),
+            "S_η dies out if FH is strictly proper": dies_out,
         },
     )
 
@@ -269,6 +251,7 @@ def _noise_against_tracking() -> Finding:
     v = Values.random(rng)
     other = v._replace(F=Values.random(rng).F)
     tracking = v.map("T_R")
+    enters = same(tracking * (1 + v.CGm) / v.CGm, (1 + v.H) / (1 + v.FH))
     return Finding(
         every(quieter) and every(value <= NEAR for value in departs),
         f"filters four times slower: T_R departs from C Gm/(1 + C Gm) by up to "
@@ -280,9 +263,7 @@ def _noise_against_tracking() -> Finding:
             "slower filters pass less noise, and stay stable": every(quieter),
             "T_R is free of F for G = Gm": same(v.matched.map("T_R"), other.matched.map("T_R")),
             "T_R depends on F otherwise": not np.isclose(tracking, other.map("T_R")).any(),
-            "F enters T_R as (1 + H)/(1 + FH)": same(
-                tracking * (1 + v.CGm) / v.CGm, (1 + v.H) / (1 + v.FH)
-            ),
+            "F enters T_R as (1 + H)/(1 + FH)": enters,
             "S_d − S_η = 1": same(v.map("S_d") - v.map("S_eta"), 1),
         },
     )
@@ -300,6 +281,8 @@ def _disturbances_above_the_bandwidth() -> Finding:
         return float(np.abs(loop.S_d(1j * omega)).max())
 
     worst = _worst(peak)
+    peaks_there = same(floor, [1, 2 / sqrt(3), 9 / 7], 1e-6)
+    raised = every(floor[1] < value < inf for value in worst[1:])
     return Finding(
         every(abs(value - 1) <= NEAR for value in worst),
         f"|S_d| above ω_B reaches {numbers(worst)} in Examples 1 to 4; max|1 − F| is "
@@ -307,12 +290,8 @@ def _disturbances_above_the_bandwidth() -> Finding:
         ABOUT,
         conditions={
             "|1 − F| stays below 1 for n = 1": floor[0] < 1,
-            "it peaks at 1, 2/√3 and 9/7 for n = 1, 2, 3": same(
-                floor, [1, 2 / sqrt(3), 9 / 7], 1e-6
-            ),
+            "it peaks at 1, 2/√3 and 9/7 for n = 1, 2, 3": peaks_there,
             "|S_d| of the perfect model in Example 1 peaks there": same(worst[0], floor[1], 1e-6),
-            "a mismatch raises the peak, in Examples 2 to 4": every(
-                floor[1] < value < inf for value in worst[1:]
-            ),
+            "a mismatch raises the peak, in Examples 2 to 4": raised,
         },
     )

@@ -1,21 +1,18 @@
 """Section V and the references."""
 
-from __future__ import annotations
-
 import re
 from itertools import product
 
 import numpy as np
 
+from nrdob import NRDOB, LowPassFilter, interpolating_filter
 from nrdob.analysis import judge
-from nrdob.diagram import LowPassFilter, interpolating_filter
-from nrdob.loop import NRDOB
 from nrdob.numerics import QuasiPolynomial, number
 from nrdob.paper import example
 
-from .ledger import Finding
+from .ledger import Finding, counted, every
 from .recurring import both, section
-from .signals import counted, every, is_stable, turned
+from .signals import is_stable, turned
 
 __all__ = ["REFERENCE_2", "SECTION"]
 
@@ -47,17 +44,13 @@ def _not_matching() -> Finding:
         for Dm, each in product((D, [1.0, 4.0, 3.75]), filters)
     ]
     late = [judge("", [QuasiPolynomial(each.den)], p).stable for p, each in delayed]
-    made = [
-        NRDOB(plant, plant, 0.1, interpolating_filter(plant, lam))
-        for plant, lam in product(plants, (0.01, 0.1, 1.0))
-    ]
+    tried = product(plants, (0.01, 0.1, 1.0))
+    made = [NRDOB(plant, plant, 0.1, interpolating_filter(plant, lam)) for plant, lam in tried]
     as_one = [loop.stability().observer_loop.stable is True for loop in made]
     lost = [_lost_to_a_wrong_delay(times * 0.001) for times in (3.0, 3.1)]
     words = ["unstable" if each else "stable" for each in lost]
-    own_factors = all(
-        p.delay == 0 and np.allclose(p.q, np.polymul(D, each.den))
-        for p, each in delayed[: len(filters)]
-    )
+    own = delayed[: len(filters)]
+    own_factors = all(p.delay == 0 and np.allclose(p.q, np.polymul(D, F.den)) for p, F in own)
     fails = [loop.stability().observer_loop.stable is False for loop in matched]
     works = [verdict is True for verdict in late]
     return Finding(

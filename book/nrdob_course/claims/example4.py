@@ -1,34 +1,21 @@
 """Section IV: Example 4, a process with dead time."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from itertools import product
 from math import exp, inf, log1p, pi
 
 import numpy as np
 
-from nrdob.analysis import encirclements, minus_point
-from nrdob.diagram import DelayedTransferFunction, LowPassFilter, Quotient
-from nrdob.loop import NRDOB
+from nrdob import NRDOB, LowPassFilter, encirclements, largest_box, plant_family, sweep
+from nrdob.analysis import minus_point
+from nrdob.diagram import DelayedTransferFunction, Quotient
 from nrdob.numerics import QuasiPolynomial, count_rhp, number
 from nrdob.paper import example
 from nrdob.plotting import turns
-from nrdob.uncertain import largest_box, plant_family, sweep
 
-from .ledger import Finding
-from .recurring import (
-    OMEGA,
-    border,
-    both,
-    filtered,
-    inverse_degree,
-    npz,
-    npz_text,
-    section,
-    variation_finding,
-)
-from .signals import is_stable, same
+from .ledger import Finding, same
+from .recurring import OMEGA, border, filtered, inverse_degree, npz, npz_text, section
+from .signals import is_stable
 
 __all__ = ["SECTION"]
 
@@ -119,14 +106,13 @@ def _infinite_turns() -> Finding:
     right = [[encirclements(FH).closed_loop_rhp or 0 for FH in row] for row in faster]
     small = zip(loops, (1e-3, 1e-3, 1e-2), strict=True)
     second = [filtered(loop, lam, 3).stability().observer_loop.stable for loop, lam in small]
+    for_ever = [*map(npz, own)] == 3 * [(inf, 0, 0)]
     return Finding(
         all(count.encirclements == inf and (count.closed_loop_rhp or 0) > 0 for count in own),
         f"1 + H: {npz_text(own[1])}; p_B of Example 4: Z = "
         f"{', '.join(number(z) for z in right[1])} for λ = 1, 0.01, 0.001, 0.0001 s",
         conditions={
-            "H turns for ever, and 1 + H has no zero on the right": (
-                [*map(npz, own)] == 3 * [(inf, 0, 0)]
-            ),
+            "H turns for ever, and 1 + H has no zero on the right": for_ever,
             "p_B has unstable roots for small λ only": all(row[0] == 0 < row[2] for row in right),
             "they are ever more as λ → 0": all(row == sorted(row) for row in right),
             "the loops with small λ are judged unstable": second == [False] * 3,
@@ -183,28 +169,22 @@ def _radius() -> Finding:
     )
 
 
-def _endless(loop: Quotient, point: float) -> tuple[bool, str]:
-    """Whether a map encircles a point infinitely often, and how often up to 10 000 rad/s."""
+def _endless(loop: Quotient, point: float) -> Finding:
+    """Find whether a map encircles a point infinitely often, and how often up to 10 000 rad/s."""
     omega = np.linspace(0, 1e4, 100_001)
     angle = np.unwrap(np.angle(loop(1j * omega) - point))
     half, full = (-angle[k] / pi for k in (50_000, 100_000))  # both halves of the curve together
     endless = encirclements(loop, point).encirclements == inf
     steady = abs(full / half - 2) < 0.01 and abs(full - 1e4 * 0.05 / pi) < 1
-    return (
+    return Finding(
         endless and bool(steady),
         f"{turns(inf, point)}; {number(half, 4)} of them up to 5000 rad/s, {number(full, 4)} up to "
         "10 000 rad/s",
     )
 
 
-@SECTION.check("fig15a")
-def _figure_15a() -> Finding:
-    return Finding(*_endless(example(4).ratio, 0.0))
-
-
-@SECTION.check("fig15b")
-def _figure_15b() -> Finding:
-    return Finding(*_endless(example(4).H, -1.0))
+SECTION.check("fig15a")(lambda: _endless(example(4).ratio, 0.0))
+SECTION.check("fig15b")(lambda: _endless(example(4).H, -1.0))
 
 
 @SECTION.check("eq16")
@@ -235,29 +215,19 @@ def _gain_margin() -> Finding:
         return count_rhp(minus_point(loop.FH, -1 / k)).count == 0
 
     factors = (0.5, 0.99, 0.999)
+    lost = all(plant(k) is False for k in (1.001 * by_L, 1.1 * by_L, 0.999 * by_FH))
+    borne = all(scaled(factor * by_FH) for factor in factors)
     return Finding(
         all(plant(factor * by_FH) is True for factor in factors) and plant(1.001 * by_FH) is False,
         f"a factor on FH: {number(by_FH, 4)}; on the plant: {number(by_L, 4)}, that is "
         f"{number(margins.plant_loop.gm_db, 4)} dB",
         conditions={
             "the plant bears factors below the margin of L": all(plant(k * by_L) for k in factors),
-            "it bears none above, though the margin of FH allows them": all(
-                plant(k) is False for k in (1.001 * by_L, 1.1 * by_L, 0.999 * by_FH)
-            ),
-            "the mismatch bears factors below the margin of FH": all(
-                scaled(factor * by_FH) for factor in factors
-            ),
+            "it bears none above, though the margin of FH allows them": lost,
+            "the mismatch bears factors below the margin of FH": borne,
             "it bears none above": not scaled(1.001 * by_FH),
         },
     )
-
-
-@SECTION.check("ex4.variation")
-def _variation() -> Finding:
-    before, after = both(4)
-    found = variation_finding(4, "dead time", lambda loop: loop.delay, 2, " s")
-    kept = same(before.G.dc_gain, after.G.dc_gain)
-    return replace(found, as_printed=found.as_printed and kept)
 
 
 @SECTION.check("ex4.family")

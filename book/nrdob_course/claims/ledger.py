@@ -6,17 +6,28 @@ a name of its own, so that a check that fails tells which. The verdict follows f
 found; a claim whose check has not run, or did not find what the ledger says, has none.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 from enum import StrEnum
 from textwrap import TextWrapper
+from typing import Any
+
+import numpy as np
+
+from nrdob.numerics import number
 
 __all__ = [
-    "WIDTH", "Amendment", "Check", "Claim", "Entry", "Finding", "LedgerError", "Section", "Verdict",
-    "in_one_ledger", "settle",
+    "ABOUT", "EXACT", "NEAR", "STOPPED", "TOLERANCE", "WIDTH", "Amendment", "Check", "Claim",
+    "Entry", "Finding", "LedgerError", "Section", "Verdict", "counted", "every", "in_one_ledger",
+    "numbers", "same", "settle",
 ]  # fmt: skip
+
+EXACT = 1e-8  # relative difference up to which two ways to compute one number agree
+TOLERANCE = "1e-8 relative"
+NEAR = 0.1
+"""What "approximately" of the paper is taken to allow, of 1 or of the value compared with."""
+ABOUT = "“≈” taken as within 10 %"
+STOPPED = 0.01  # size of F where it is taken to be approximately zero
 
 WIDTH = 95
 """Characters to a line of a printed entry: what a page of the book is wide."""
@@ -68,6 +79,30 @@ class Finding:
     def unmet(self) -> list[str]:
         """Conditions of the amended statement that were found not to hold."""
         return [name for name, met in self.conditions.items() if not met]
+
+
+def same(a: Any, b: Any, rtol: float = EXACT) -> bool:
+    """Whether two arrays agree, entry by entry."""
+    return bool(np.size(a) and np.allclose(a, b, rtol=rtol, atol=0))
+
+
+def every(outcomes: Iterable[Any]) -> bool:
+    """Whether all outcomes are true; unlike `all` it refuses to say so of none."""
+    found = [bool(outcome) for outcome in outcomes]
+    if not found:
+        raise ValueError("nothing was tried")
+    return all(found)
+
+
+def counted(outcomes: Iterable[Any]) -> str:
+    """Write how many outcomes are true: "3 of 4"."""
+    found = [bool(outcome) for outcome in outcomes]
+    return f"{sum(found)} of {len(found)}"
+
+
+def numbers(values: Iterable[Any]) -> str:
+    """Write numbers one after the other."""
+    return ", ".join(number(float(value), 4) for value in values)
 
 
 Check = Callable[[], Finding]

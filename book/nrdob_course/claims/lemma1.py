@@ -1,7 +1,5 @@
 """Eq. (7) and Lemma 1: what makes the loop internally stable."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import control as ct
@@ -12,27 +10,20 @@ from nrdob.loop import NRDOB
 from nrdob.numerics import ComplexArray, number
 from nrdob.paper import example
 
-from .ledger import Finding
-from .recurring import section
+from .ledger import EXACT, TOLERANCE, Finding, counted, every, numbers, same
+from .recurring import printed_map, section
 from .signals import (
-    EXACT,
     PRINTED_MAPS,
     QUADRUPLES,
-    TOLERANCE,
     Values,
-    counted,
-    every,
     in_right_half,
     loop_modes,
     many_loops,
     modes,
     n_p,
-    numbers,
-    printed_map,
     random_loops,
     random_points,
     rightmost,
-    same,
     turns_around_minus_one,
 )
 
@@ -97,6 +88,7 @@ def _rational_functions_not_polynomials() -> Finding:
     at = [Values.of(loop, np.array([3.0 + 0j, 1e9 + 0j])) for loop in loops]
     A, B = (np.abs(sizes) for sizes in ([1 + v.CGm for v in at], [v.B for v in at]))
     grows = [same(size, later) or later > 1e6 * size for size, later in (*A, *B)]
+    are_roots = every(_modes_are_the_roots(loop) for loop in loops if not loop.delay)
     return Finding(
         every(grows),
         f"Examples 1 to 4: from s = 3 to 10⁹ the size of A goes from {numbers(A[:4, 0])} to "
@@ -106,9 +98,7 @@ def _rational_functions_not_polynomials() -> Finding:
             "A = p_A/(Dm Dc), 1 + FH = p_B/(D Nm Df), and the diagram has their product": every(
                 _factors(loop) for loop in loops
             ),
-            "the modes are the roots of Df³ p_A p_B": every(
-                _modes_are_the_roots(loop) for loop in loops if not loop.delay
-            ),
+            "the modes are the roots of Df³ p_A p_B": are_roots,
         },
     )
 
@@ -207,6 +197,7 @@ def _what_lemma_1_does_not_see() -> Finding:
     blocks = (-one, lag), (one, lag), (one, one), (one, den)
     by_filter = modes(*(Fraction(*block) for block in blocks))
     ill_posed = replace(example(2), filter=LowPassFilter(0.01, 1))
+    unstable_too = every(loop.stability().stable is False for loop in (in_b, in_a))
     return Finding(
         every((value < 0) <= (mode < 0) for value, mode in zip(seen, true, strict=True)),
         f"zeros of A and B up to {number(seen[0], 4)} but a mode at {number(true[0], 4)} "
@@ -218,9 +209,7 @@ def _what_lemma_1_does_not_see() -> Finding:
             "modes, and p_A with p_B, give the same verdict": every(stable == hurwitz),
             "both verdicts occur": 0 < stable.sum() < len(loops),
             "both loops with a cancellation have an unstable mode": min(true) > 0,
-            "they are judged unstable": every(
-                loop.stability().stable is False for loop in (in_b, in_a)
-            ),
+            "they are judged unstable": unstable_too,
             "p_B is Hurwitz under the unstable F": not in_right_half(p_b),
             "an unstable F brings an unstable mode": bool(by_filter.real.max() > 0),
             "the ill-posed loop gets no verdict": ill_posed.stability().stable is None,
@@ -287,6 +276,7 @@ def _turns_that_condition_ii_needs() -> Finding:
     after = sum(_is_pole(matched, root) for root in _poles_and_zeros(matched) if root.real > 0)
     turned = turns_around_minus_one(matched.FH)
     stable = sum(_condition_ii(loop) for loop in [*rational, *delayed])
+    passed = _enough_turns(integrating) and _condition_ii(integrating)
     return Finding(
         every(agree) and _enough_turns(hidden) == _condition_ii(hidden),
         f"encirclements and roots agree for {counted(agree)} random loops, of "
@@ -299,9 +289,7 @@ def _turns_that_condition_ii_needs() -> Finding:
             "turns and roots agree": every(agree),
             "both verdicts occur": 0 < stable < len(agree),
             "there are loops with dead time": len(delayed) > 0,
-            "a pole on the axis, passed on its right, is no obstacle": (
-                _enough_turns(integrating) and _condition_ii(integrating)
-            ),
+            "a pole on the axis, passed on its right, is no obstacle": passed,
             "G = Gm = 1/s violates condition ii if every factor is kept": not _condition_ii(hidden),
             "built as one it fulfils it": _condition_ii(as_one),
             "a zero of F on a pole of G on the axis: enough turns, and roots on the axis": (

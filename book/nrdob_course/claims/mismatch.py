@@ -1,7 +1,5 @@
 """What Section III says of the mismatch H, and of the three blocks."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from itertools import product
 from math import nan
@@ -11,30 +9,23 @@ import control as ct
 import numpy as np
 from scipy.optimize import brentq
 
-from nrdob.analysis import encirclements
-from nrdob.diagram import Fraction, LowPassFilter, Quotient
-from nrdob.loop import NRDOB
+from nrdob import NRDOB, LowPassFilter, encirclements
+from nrdob.diagram import Fraction, Quotient
 from nrdob.numerics import number
 from nrdob.paper import EXAMPLES, example
 from nrdob.plants import resonance
 
-from .ledger import Finding
+from .ledger import EXACT, TOLERANCE, Finding, counted, every, numbers, same
 from .recurring import section
 from .signals import (
-    EXACT,
     QUADRUPLES,
-    TOLERANCE,
     Values,
-    counted,
     critical_gain,
-    every,
     in_right_half,
     n_p,
-    numbers,
     random_loops,
     random_points,
     rightmost,
-    same,
     turns,
     turns_around_minus_one,
 )
@@ -341,6 +332,9 @@ def _right_half_plane_mismatch() -> Finding:
         for value in np.geomspace(1e-3, 1e3, 9)
         if (loop := _observer(1 + H, model, value, 1))
     ]
+    between = [root < 0 for root in roots] == [True, False, True]
+    slow_only = [rightmost(loop) < 0 for loop in third] == [False, True]
+    lost = at_border(0.999 * border) > 0 > at_border(1.001 * border)
     return Finding(
         every(root < 0 for root in roots) and every(rightmost(loop) < 0 for loop in third),
         f"H = 10s/((s + 0.01)(s + 1)), n = 2: rightmost root {number(roots[1], 4)} for λ = 1 s; "
@@ -348,15 +342,9 @@ def _right_half_plane_mismatch() -> Finding:
         f"{counted(first_order)} loops with a random positive real H are stable",
         conditions={
             "both H stay in the right half plane, G and Gm stable and minimum phase": every(within),
-            "n = 2 is unstable for λ = 1 s, and neither much faster nor much slower": (
-                [root < 0 for root in roots] == [True, False, True]
-            ),
-            "n = 3 is stable for the slow filter only": (
-                [rightmost(loop) < 0 for loop in third] == [False, True]
-            ),
-            "n = 3 is lost at the border": (
-                at_border(0.999 * border) > 0 > at_border(1.001 * border)
-            ),
+            "n = 2 is unstable for λ = 1 s, and neither much faster nor much slower": between,
+            "n = 3 is stable for the slow filter only": slow_only,
+            "n = 3 is lost at the border": lost,
             "n = 1 is stable with every λ": every(first_order),
         },
     )

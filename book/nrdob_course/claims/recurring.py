@@ -1,7 +1,5 @@
 """Checks that recur: printed maps, margins and functions, step responses, variations."""
 
-from __future__ import annotations
-
 import tomllib
 from collections.abc import Callable
 from dataclasses import replace
@@ -21,19 +19,21 @@ from nrdob.paper import PRINTED, PRINTED_FUNCTIONS, Printed, example
 from nrdob.plotting import complex_number, frequency, spoken
 from nrdob.reporting import formula
 
-from .ledger import Finding, Section
-from .signals import TO_OUTPUT, printed_map
+from .ledger import EXACT, TOLERANCE, Finding, Section, counted, every, same
+from .signals import PRINTED_MAPS, QUADRUPLES, Values, many_loops, random_points
 
 __all__ = [
-    "OMEGA", "border", "both", "filtered", "inverse_degree", "map_text",
-    "npz", "npz_text", "performance_finding", "printed_text", "section", "steps_finding",
-    "variation_finding",
+    "OMEGA", "TO_OUTPUT", "border", "both", "filtered", "inverse_degree", "map_text", "npz",
+    "npz_text", "performance", "printed_map", "section", "steps",
 ]  # fmt: skip
 
 OMEGA = np.geomspace(1e-3, 1e5, 4001)
 """Frequencies on which a statement about all frequencies is tried, rad/s."""
 
 _LOOPS = {"CGm": ("model_loop", r"$C\tilde G$"), "FH": ("observer_loop", "$FH$")}
+TO_OUTPUT = tuple(input.to_y for input in INPUTS.values())
+"""The maps of eq. (4), to y."""
+
 _FINAL = {"R": 1.0, "d": 0.0, "delta": 0.0, "eta": -1.0}
 """Where y should end after a unit step at each input."""
 
@@ -67,6 +67,24 @@ def npz_text(count: NyquistCount | LoopStability) -> str:
     """Write N, P and Z."""
     named = zip("NPZ", npz(count), strict=True)
     return ", ".join(f"{name} = {'?' if each is None else number(each)}" for name, each in named)
+
+
+def printed_map(name: str) -> Finding:
+    """Find whether a map is the printed one, in the diagram and in the package."""
+    rng = np.random.default_rng(4)
+    v = Values.random(rng)
+    printed = PRINTED_MAPS[name](v)
+    by_formula = np.isclose(printed, v.map(name), rtol=EXACT, atol=0)
+    by_package = []
+    for loop in many_loops():
+        s = random_points(rng)
+        by_package.append(same(getattr(loop, name)(s), Values.of(loop, s).map(name)))
+    return Finding(
+        every(by_formula) and every(by_package),
+        f"the printed formula agrees with the diagram for {by_formula.sum()} of {QUADRUPLES} "
+        f"random values of the four blocks, the package's map for {counted(by_package)} loops",
+        TOLERANCE,
+    )
 
 
 # Printed margins.
@@ -144,8 +162,9 @@ def map_text(quotient: Quotient) -> str:
     return formula(DelayedTransferFunction((num / den[0], den / den[0]), quotient.delay))
 
 
-def _function(id: str, which: int, printed_as: str) -> Finding:
-    computed: Quotient = getattr(example(which), printed_as.split(".")[1])
+def _function(id: str, printed_as: str) -> Finding:
+    example_name, _, name = printed_as.partition(".")
+    computed: Quotient = getattr(example(int(example_name[2:])), name)
     right = PRINTED_FUNCTIONS[printed_as].agrees_with(computed)
     return Finding(right, map_text(computed), "relative difference below 1e−10")
 
@@ -153,13 +172,11 @@ def _function(id: str, which: int, printed_as: str) -> Finding:
 # Encirclements and step responses.
 
 
-def no_turn_finding(loop: NRDOB) -> Finding:
+def no_turn(loop: NRDOB) -> Finding:
     """Find whether FH stays inside the unit circle, and does not encircle −1."""
     part, size = loop.stability().observer_loop, float(np.abs(loop.FH(1j * OMEGA)).max())
-    return Finding(
-        npz(part) == (0, 0, 0) and size < 1,
-        f"{npz_text(part)}; the largest |F·H| is {number(size, 4)}",
-    )
+    words = f"{npz_text(part)}; the largest |F·H| is {number(size, 4)}"
+    return Finding(npz(part) == (0, 0, 0) and size < 1, words)
 
 
 def response(loop: NRDOB, input: str) -> tuple[float, float]:
@@ -188,7 +205,7 @@ def comes_to_rest(loop: NRDOB) -> bool:
     )
 
 
-def steps_finding(loop: NRDOB) -> Finding:
+def steps(loop: NRDOB) -> Finding:
     """Find whether a loop is stable and its step responses end where they should."""
     peaks = ", ".join(
         f"{name.to_y.replace('delta', 'δ').replace('eta', 'η')} "
@@ -198,10 +215,8 @@ def steps_finding(loop: NRDOB) -> Finding:
     finals = ", ".join(number(getattr(loop, name).dc_gain, 4) for name in TO_OUTPUT)
     verdict = loop.stability()
     stable = "stable" if verdict.stable else f"not known to be stable: {verdict.reason}"
-    return Finding(
-        verdict.stable is True and comes_to_rest(loop),
-        f"{stable}; final values {finals}; largest excursions {peaks}",
-    )
+    words = f"{stable}; final values {finals}; largest excursions {peaks}"
+    return Finding(verdict.stable is True and comes_to_rest(loop), words)
 
 
 # The checks that recur, by their kind.
@@ -218,9 +233,10 @@ KINDS: dict[str, Callable[..., Finding]] = {
     "controller": _controller,
     "map": lambda id, input, signal: printed_map(id.partition(".")[2]),
     "function": _function,
-    "steps": lambda id, which, modified: steps_finding(example(which, modified)),
-    "no_turn": lambda id, which: no_turn_finding(example(which)),
-    "performance": lambda id, which, times: performance_finding(which, times),
+    "steps": lambda id, which, modified: steps(example(which, modified)),
+    "no_turn": lambda id, which: no_turn(example(which)),
+    "performance": lambda id, **known: performance(**known),
+    "variation": lambda id, **known: variation(**known),
 }
 
 
@@ -236,16 +252,16 @@ def section(name: str) -> Section:
     texts = _texts(name)
     chapter = {"chapter": texts.pop("chapter")}  # of those that name none
     recurring = {id: text.pop("recurs") for id, text in texts.items() if "recurs" in text}
+    for id, text in texts.items():
+        if printed_as := text.pop("printed_as", recurring.get(id, {}).get("printed_as")):
+            text.setdefault("place", PRINTED_FUNCTIONS[printed_as].place)
+            text["printed"] = printed_text(printed_as)
     found = Section({id: chapter | text for id, text in texts.items()})
     for id, known in recurring.items():
-        kind, said = known.pop("kind"), {}
+        kind = known.pop("kind")
+        said = _margin_texts(id) if kind == "margin" else {}
         if kind in _METHODS:
             said["method"] = _METHODS[kind].format(**known)
-        if kind == "margin":
-            said = _margin_texts(id)
-        if kind == "function":
-            said["place"] = PRINTED_FUNCTIONS[known["printed_as"]].place
-            said["printed"] = printed_text(known["printed_as"])
         found.check(id, **said)(partial(KINDS[kind], id, **known))
     return found
 
@@ -258,21 +274,33 @@ def both(which: int) -> list[NRDOB]:
     return [example(which, modified) for modified in (False, True)]
 
 
-def variation_finding(
-    which: int, what: str, measure: Callable[[NRDOB], float], factor: float, unit: str = ""
-) -> Finding:
-    """Find whether the plant is modified by a factor on what is measured, and a pole at −10."""
-    before, after = map(measure, both(which))
-    poles = [np.sort(np.roots(loop.G.denominator.q).real) for loop in both(which)]
+MEASURES: dict[str, Callable[[NRDOB], float]] = {
+    "zero": lambda loop: float(loop.G.numerator.roots[0].real),
+    "DC gain": lambda loop: float(loop.G.dc_gain),
+    "dead time": lambda loop: float(loop.delay),
+}
+"""What of the plant is modified."""
+
+
+def variation(which: int, what: str, factor: float, unit: str = "", also: str = "") -> Finding:
+    """Find whether the plant is modified by a factor on what is measured, and a pole at −10.
+
+    What is `also` named of the measures stays as it is.
+    """
+    loops = both(which)
+    before, after = map(MEASURES[what], loops)
+    poles = [np.sort(np.roots(loop.G.denominator.q).real) for loop in loops]
     one_more = np.allclose(poles[1], [-10, *poles[0]], atol=1e-6)
+    stays = [MEASURES[also](loop) for loop in loops] if also else [1.0, 1.0]
     return Finding(
-        bool(np.isclose(after, factor * before)) and one_more,
+        bool(np.isclose(after, factor * before)) and one_more and same(*stays),
         f"{what} {number(before, 4)} → {number(after, 4)}{unit}; poles "
-        f"{', '.join(number(p, 4) for p in poles[1])}",
+        f"{', '.join(number(p, 4) for p in poles[1])}"
+        + (f"; {also} still {number(stays[1], 4)}" if also else ""),
     )
 
 
-def performance_finding(which: int, times: float) -> Finding:
+def performance(which: int, times: float) -> Finding:
     """Find what the modified plant changes in the responses, and whether Ms grows so many times."""
     loops = both(which)
     tracking = [response(loop, "R")[1] for loop in loops]

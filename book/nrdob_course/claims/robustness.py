@@ -1,7 +1,5 @@
 """Lemma 2 and Corollary 1: robustness, and the perfect model."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from math import inf
 
@@ -16,9 +14,9 @@ from nrdob.numerics import number
 from nrdob.paper import example
 from nrdob.sampling import random_block
 
-from .ledger import Finding
+from .ledger import Finding, counted, every, numbers, same
 from .recurring import both, section
-from .signals import counted, critical_gain, every, in_right_half, is_stable, modes, numbers, same
+from .signals import critical_gain, in_right_half, is_stable, modes
 
 __all__ = ["SECTION"]
 

@@ -1,7 +1,5 @@
 """Sections I and II: the loop, its diagram and its filter."""
 
-from __future__ import annotations
-
 from functools import reduce
 from itertools import product
 from math import sqrt
@@ -15,27 +13,9 @@ from nrdob.numerics import FloatArray, number
 from nrdob.paper import example
 from nrdob.sampling import random_block
 
-from .ledger import Finding
-from .recurring import section
-from .signals import (
-    ABOUT,
-    EXACT,
-    NEAR,
-    ORDERS,
-    PRINTED_MAPS,
-    QUADRUPLES,
-    STOPPED,
-    TO_OUTPUT,
-    TOLERANCE,
-    Values,
-    counted,
-    every,
-    is_refused,
-    many_loops,
-    numbers,
-    random_points,
-    same,
-)
+from .ledger import ABOUT, EXACT, NEAR, STOPPED, TOLERANCE, Finding, counted, every, numbers, same
+from .recurring import TO_OUTPUT, section
+from .signals import ORDERS, PRINTED_MAPS, QUADRUPLES, Values, is_refused, many_loops, random_points
 
 __all__ = ["SECTION"]
 
@@ -66,6 +46,8 @@ def _conventional_observer_and_noise() -> Finding:
     matched = Values.random(1).matched
     tracking = matched.CGm / (1 + matched.CGm)
     other = [matched.map(name, conventional=True) for name in ("T_R", "S_eta")]
+    below = every((powers[:, 0] < alone) == (tried > equal))
+    passes = same(other[1], -(matched.F + matched.CGm) / (1 + matched.CGm))
     return Finding(
         nr < alone,
         f"Example 1, noise power at y: {number(nr, 5)} with the NR-DOB, {number(conventional, 5)} "
@@ -74,15 +56,11 @@ def _conventional_observer_and_noise() -> Finding:
         conditions={
             "the noise power of the NR-DOB is 1/(4λ)": same(powers[:, 0], 0.25 / tried),
             "it equals that of C alone where 1/(4λ) does": same(equal, 0.25 / alone, rtol=1e-6),
-            "it is below that of C alone for the slower filters and for no others": every(
-                (powers[:, 0] < alone) == (tried > equal)
-            ),
+            "it is below that of C alone for the slower filters and for no others": below,
             "the conventional observer passes more than C alone": every(powers[:, 1] > alone),
             "T_R of the NR-DOB is free of F": same(matched.map("T_R"), tracking),
             "T_R of the conventional observer is free of F": same(other[0], tracking),
-            "S_eta of the conventional observer is -(F + C Gm)/(1 + C Gm)": same(
-                other[1], -(matched.F + matched.CGm) / (1 + matched.CGm)
-            ),
+            "S_eta of the conventional observer is -(F + C Gm)/(1 + C Gm)": passes,
         },
     )
 

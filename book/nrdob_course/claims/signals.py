@@ -7,45 +7,28 @@ random ones is no coincidence. `modes` does the same for the whole diagram as a 
 eigenvalues know nothing of p_A, p_B or any encirclement.
 """
 
-from __future__ import annotations
-
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from math import inf
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, Self
 
 import numpy as np
 from scipy.linalg import block_diag
 from scipy.optimize import brentq
 
-from nrdob import paper
-from nrdob.diagram import INPUTS, Fraction, Quotient
-from nrdob.loop import NRDOB
-from nrdob.numerics import ComplexArray, FloatArray, number
+from nrdob import NRDOB, paper
+from nrdob.diagram import Fraction, Quotient
+from nrdob.numerics import ComplexArray, FloatArray
 from nrdob.sampling import random_loop
 
-from .ledger import Finding
-
 __all__ = [
-    "ABOUT", "EXACT", "NEAR", "ORDERS", "PRINTED_MAPS", "QUADRUPLES", "STOPPED", "TOLERANCE",
-    "TO_OUTPUT", "Values", "counted", "critical_gain", "every", "in_right_half", "is_refused",
-    "is_stable", "loop_modes", "many_loops", "modes", "n_p", "numbers", "printed_map",
-    "random_loops", "random_points", "rightmost", "same", "turned", "turns",
-    "turns_around_minus_one",
+    "ORDERS", "PRINTED_MAPS", "QUADRUPLES", "Values", "critical_gain", "in_right_half",
+    "is_refused", "is_stable", "loop_modes", "many_loops", "modes", "n_p", "random_loops",
+    "random_points", "rightmost", "turned", "turns", "turns_around_minus_one",
 ]  # fmt: skip
 
-EXACT = 1e-8  # relative difference up to which two ways to compute one number agree
-TOLERANCE = "1e-8 relative"
-NEAR = 0.1
-"""What "approximately" of the paper is taken to allow, of 1 or of the value compared with."""
-ABOUT = "“≈” taken as within 10 %"
-STOPPED = 0.01  # size of F where it is taken to be approximately zero
 ORDERS = (1, 2, 3, 4)
 AXIS = 1e-7  # how far to the right of the imaginary axis a curve is followed, rad/s
 QUADRUPLES = 100  # how many random values of the four blocks a formula is tried on
-
-
-TO_OUTPUT = tuple(input.to_y for input in INPUTS.values())
-"""The maps of eq. (4), to y."""
 
 
 class Signals(NamedTuple):
@@ -65,18 +48,18 @@ class Values(NamedTuple):
     F: ComplexArray
 
     @classmethod
-    def random(cls, rng: np.random.Generator | int, count: int = QUADRUPLES) -> Values:
+    def random(cls, rng: np.random.Generator | int, count: int = QUADRUPLES) -> Self:
         """Draw complex numbers for the four blocks, around 1 in size."""
         parts = np.random.default_rng(rng).normal(size=(2, len(cls._fields), count))
         return cls(*(parts[0] + 1j * parts[1]))
 
     @classmethod
-    def of(cls, loop: NRDOB, s: ComplexArray) -> Values:
+    def of(cls, loop: NRDOB, s: ComplexArray) -> Self:
         """Evaluate the blocks of a loop."""
         return cls(loop.G(s), loop.Gm(s), loop.C(s), loop.F(s))
 
     @property
-    def matched(self) -> Values:
+    def matched(self) -> Self:
         """The same blocks with a perfect model."""
         return self._replace(G=self.Gm)
 
@@ -144,10 +127,7 @@ PRINTED_MAPS: dict[str, Callable[[Values], ComplexArray]] = {
     "U_eta": lambda v: -v.F / v.B,
     "U_delta": lambda v: v.Gm * (1 - v.F) / v.B,
 }
-"""Eqs. (4) and (7) as the paper prints them.
-
-:meta hide-value:
-"""
+"""Eqs. (4) and (7) as the paper prints them."""
 
 
 def random_points(rng: np.random.Generator) -> ComplexArray:
@@ -166,19 +146,6 @@ def many_loops() -> list[NRDOB]:
     return printed + modified + rational + delayed
 
 
-def same(a: Any, b: Any, rtol: float = EXACT) -> bool:
-    """Whether two arrays agree, entry by entry."""
-    return bool(np.size(a) and np.allclose(a, b, rtol=rtol, atol=0))
-
-
-def every(outcomes: Iterable[Any]) -> bool:
-    """Whether all outcomes are true; unlike `all` it refuses to say so of none."""
-    found = [bool(outcome) for outcome in outcomes]
-    if not found:
-        raise ValueError("nothing was tried")
-    return all(found)
-
-
 def loop_modes(loop: NRDOB) -> ComplexArray:
     """Modes of a loop without dead time.
 
@@ -193,11 +160,6 @@ def loop_modes(loop: NRDOB) -> ComplexArray:
         Eigenvalues of the whole diagram, every block realised by itself, in rad/s.
     """
     return modes(*loop.fractions)
-
-
-def numbers(values: Iterable[Any]) -> str:
-    """Write numbers one after the other."""
-    return ", ".join(number(float(value), 4) for value in values)
 
 
 def is_refused(*blocks: Any) -> bool:
@@ -298,27 +260,3 @@ def turns_around_minus_one(open_loop: Quotient, excess: int = 0) -> int:
 def is_stable(loop: NRDOB) -> bool:
     """Whether a loop is known to be internally stable."""
     return loop.stability().stable is True
-
-
-def counted(outcomes: Iterable[Any]) -> str:
-    """Write how many outcomes are true: "3 of 4"."""
-    found = [bool(outcome) for outcome in outcomes]
-    return f"{sum(found)} of {len(found)}"
-
-
-def printed_map(name: str) -> Finding:
-    """Find whether a map is the printed one, in the diagram and in the package."""
-    rng = np.random.default_rng(4)
-    v = Values.random(rng)
-    printed = PRINTED_MAPS[name](v)
-    by_formula = np.isclose(printed, v.map(name), rtol=EXACT, atol=0)
-    by_package = []
-    for loop in many_loops():
-        s = random_points(rng)
-        by_package.append(same(getattr(loop, name)(s), Values.of(loop, s).map(name)))
-    return Finding(
-        every(by_formula) and every(by_package),
-        f"the printed formula agrees with the diagram for {by_formula.sum()} of {QUADRUPLES} "
-        f"random values of the four blocks, the package's map for {counted(by_package)} loops",
-        TOLERANCE,
-    )

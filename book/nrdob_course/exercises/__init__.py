@@ -7,11 +7,8 @@ In a notebook, `check` gives immediate feedback and `score`, in the hidden tests
 Nothing to check yet: replace the placeholder by your answer and run this cell again.
 """
 
-from __future__ import annotations
-
 import contextlib
 import os
-import re
 from dataclasses import replace
 from importlib import import_module
 from pkgutil import iter_modules
@@ -28,17 +25,14 @@ __all__ = [
     "draw_without_count", "factored", "judge_all", "judge_own", "own_case", "score",
 ]  # fmt: skip
 
-_SETS = [name for _, name, _ in iter_modules(__path__) if re.match(r"set\d", name)]
-_HELD = [held for name in _SETS for held in vars(import_module(f"{__name__}.{name}")).values()]
-_POSED = [held for held in _HELD if isinstance(held, Problem)]
-
 PROBLEMS: dict[str, Problem] = {
-    each.id: each for each in sorted(_POSED, key=lambda each: tuple(map(int, each.id.split("."))))
+    held.id: held
+    for _, name, _ in iter_modules(__path__)
+    if name.startswith("set")
+    for held in vars(import_module(f"{__name__}.{name}")).values()
+    if isinstance(held, Problem)
 }
-"""Every problem by its id, in their order, found in the modules set1, set2, …
-
-:meta hide-value:
-"""
+"""Every problem by its id, in their order, found in the modules set1, set2, …"""
 
 
 def own_case(id: str, group: int) -> Case:

@@ -1,7 +1,5 @@
 """What the problem sets share: plants and models, written in factors, and the verdict on p_B."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Any
@@ -9,9 +7,8 @@ from typing import Any
 import control as ct
 import numpy as np
 
-from nrdob.analysis import judge_observer
+from nrdob import NRDOB, judge_observer
 from nrdob.diagram import undelayed
-from nrdob.loop import NRDOB
 from nrdob.numerics import ComplexArray, FloatArray, number
 from nrdob.plants import lags
 

@@ -1,7 +1,5 @@
 """Compare answers: to four digits, as read off a figure, or as rounded."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Mapping
 from math import log
 from typing import Any

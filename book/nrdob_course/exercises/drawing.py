@@ -1,7 +1,5 @@
 """Draw a case that fits, and keep what is found out about it."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from functools import lru_cache
 from itertools import combinations

@@ -1,7 +1,5 @@
 """The figures of the cases; the alt text of each says what the eye would see."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from functools import partial
 from typing import Any, NamedTuple

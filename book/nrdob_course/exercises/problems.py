@@ -11,8 +11,6 @@ A case holds what the problem's text names, and nothing else: what a grader know
 computes from the case, in functions of the problem's module.
 """
 
-from __future__ import annotations
-
 import copy
 import hashlib
 import tomllib
@@ -22,7 +20,7 @@ from fractions import Fraction
 from functools import cache, lru_cache
 from html import escape
 from importlib.resources import files
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 
@@ -118,7 +116,7 @@ class Lack(str):
 
     kind: str
 
-    def __new__(cls, kind: str, words: str) -> Lack:
+    def __new__(cls, kind: str, words: str) -> Self:
         """Say it in words; the kind goes with them."""
         found = super().__new__(cls, words)
         found.kind = kind
@@ -169,7 +167,7 @@ class Points(float):
         Points for an answer that has all that is asked for.
     """
 
-    def __new__(cls, feedback: Feedback, most: float) -> Points:
+    def __new__(cls, feedback: Feedback, most: float) -> Self:
         """Give the share of the feedback, of the points that there are at most."""
         return super().__new__(cls, most * feedback.share)
 
@@ -298,14 +296,8 @@ def pose(
         answers = this.several or (lambda case: (this.example(case),))
         return lambda case, got: any(alike(each, got) for each in answers(case))
 
-    return Problem(
-        id=id,
-        title=text["title"],
-        praise=words(text["praise"]),
-        lacks=lacks,
-        misconceptions=tuple(known(*each) for each in misconceptions.items()),
-        **how,
-    )
+    how["misconceptions"] = tuple(known(*each) for each in misconceptions.items())
+    return Problem(id, text["title"], lacks=lacks, praise=words(text["praise"]), **how)
 
 
 @cache

@@ -6,8 +6,6 @@ imaginary part, an object of python-control or a polynomial, see also `nrdob_cou
 cannot be read is refused with a word of advice.
 """
 
-from __future__ import annotations
-
 import re
 from collections.abc import Iterable, Mapping, Sequence
 from math import inf, nan

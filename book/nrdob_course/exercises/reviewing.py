@@ -1,10 +1,7 @@
 """Judge an answer on some cases, and say what comes of it."""
 
-from __future__ import annotations
-
 import copy
 import time
-import traceback
 import warnings
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
@@ -18,7 +15,7 @@ import numpy as np
 from nrdob.diagram import DelayedTransferFunction, LowPassFilter
 from nrdob.loop import NRDOB
 
-from ..encoding import BLOCKS, decode, encode
+from ..encoding import BLOCKS, decode, encode, line_of
 from .cases import factored
 from .comparing import same
 from .problems import BUDGET, Case, Feedback, Lack, Misconception, Problem, texts_of, words
@@ -61,7 +58,9 @@ def review(
         except NotImplementedError:
             return Feedback(0.0, BLANK)
         except (Exception, SystemExit) as error:
-            return Feedback(0.0, _ended(error, answer, case) if told is None else told or ENDED)
+            words = f"{type(error).__name__}, for {case}: {error}. {line_of(error, answer)}".strip()
+            text = f"Your function ends with an error, {words}"
+            return Feedback(0.0, text if told is None else told or ENDED)
         if got is None or got is Ellipsis:
             nothing = SOMETIMES.format(case=case if told is None else OTHER) if tried else NOTHING
             return Feedback(0.0, told or nothing)
@@ -87,16 +86,6 @@ def _quietly(function: Callable[..., Any], *arguments: Any) -> Any:
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         return function(*arguments)
-
-
-def _ended(error: BaseException, answer: Any, case: Case) -> str:
-    """Tell an error, and the line of the answer that it comes from."""
-    file = getattr(getattr(answer, "__code__", None), "co_filename", None)
-    frames = traceback.extract_tb(error.__traceback__)
-    lines = [frame.line for frame in frames if frame.filename == file]
-    where = f" In the line: {lines[-1]}" if lines and lines[-1] else ""
-    name = type(error).__name__
-    return f"Your function ends with an error, {name}, for {case}: {error}.{where}"
 
 
 def _shown(value: Any, longest: int = 200) -> str:

@@ -1,7 +1,5 @@
 """Set 1: the loop and its equations; models and filters."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
@@ -161,14 +159,9 @@ def _polynomial_case(rng: np.random.Generator) -> PolynomialCase:
     # Plant and model share the unstable pole exactly, as a careful modeller would have it.
     shared = -draw(rng, 0.5, 3)
     plant, model, zero = draw(rng, 1, 2), draw(rng, 2.5, 5), draw(rng, 6, 12)
-    return PolynomialCase(
-        N=np.array([draw(rng, 2, 9)]),
-        D=np.polymul([1, shared], [1, plant]),
-        Nm=draw(rng, 0.3, 0.8) * np.array([1, zero]),
-        Dm=np.polymul([1, shared], [1, model]),
-        time_constant=draw(rng, 0.05, 0.4),
-        order=int(rng.integers(2, 4)),
-    )
+    N, Nm = np.array([draw(rng, 2, 9)]), draw(rng, 0.3, 0.8) * np.array([1, zero])
+    D, Dm = (np.polymul([1, shared], [1, pole]) for pole in (plant, model))
+    return PolynomialCase(N, D, Nm, Dm, draw(rng, 0.05, 0.4), int(rng.integers(2, 4)))
 
 
 def _product(*factors: Any) -> FloatArray:
@@ -272,11 +265,8 @@ def _told_apart(drawn: tuple[SensitivityCase, NRDOB]) -> bool:
     case, loop = drawn
     found = gain_readings(case)
     units = [found.pop(unit) for unit in ("hertz", "decibels")]
-    return (
-        apart(*found.values(), by=0.3)
-        and all(apart(unit, other, by=0.13) for unit in units for other in found.values())
-        and loop.stability().stable is True
-    )
+    no_unit = all(apart(unit, other, by=0.13) for unit in units for other in found.values())
+    return no_unit and apart(*found.values(), by=0.3) and loop.stability().stable is True
 
 
 @fitting(_told_apart)

@@ -1,7 +1,5 @@
 """Set 2: counting encirclements, and Lemma 1."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import partial
@@ -9,10 +7,9 @@ from functools import partial
 import control as ct
 import numpy as np
 
+from nrdob import NRDOB, LowPassFilter, stabilizing_time_constants
 from nrdob.analysis import judge, resolved_frequencies
-from nrdob.design import right_half_plane_parity, stabilizing_time_constants
-from nrdob.diagram import LowPassFilter
-from nrdob.loop import NRDOB
+from nrdob.design import right_half_plane_parity
 from nrdob.numerics import ComplexArray, FloatArray, QuasiPolynomial
 
 from .cases import LoopCase, UnstablePlant, alike, around, factored, mirrored, on_the_right, s
@@ -69,12 +66,9 @@ def _draw_roots(rng: np.random.Generator, unstable: int) -> tuple[RootsCase, NRD
     model_zeros = _draw_sides(rng, unstable, 1)
     model_poles = _draw_sides(rng, 3 - unstable, unstable + 1)
     gain = rng.choice([-1, 1]) * draw(rng, 0.5, 9)
-    loop = NRDOB(
-        process=(gain * np.real(np.poly(plant_zeros)), np.real(np.poly(plant_poles))),
-        model=(np.real(np.poly(model_zeros)), np.real(np.poly(model_poles))),
-        controller=0,
-        filter=LowPassFilter(draw(rng, 0.01, 2), 3),
-    )
+    plant = gain * np.real(np.poly(plant_zeros)), np.real(np.poly(plant_poles))
+    model = np.real(np.poly(model_zeros)), np.real(np.poly(model_poles))
+    loop = NRDOB(plant, model, 0, LowPassFilter(draw(rng, 0.01, 2), 3))
     return RootsCase(plant_zeros, plant_poles, model_zeros, model_poles, loop.p_B.roots), loop
 
 
@@ -305,13 +299,9 @@ def _near(value: float, got: float) -> bool:
 
 def _hints(case: HalfCurve) -> dict[float, str]:
     axis, pieces = _readings(case)["axis only"], _readings(case)["pieces"]
-    slips = {
-        "half": axis / 2,
-        "backwards": axis - pieces,
-        "whole": axis + 2 * pieces,
-        "sign": pieces - axis,
-    }
-    return {slips[name]: said for name, said in lacks_of("2.4").items()}
+    slips = axis / 2, axis - pieces, axis + 2 * pieces, pieces - axis
+    said = lacks_of("2.4", "half", "backwards", "whole", "sign").values()
+    return dict(zip(slips, said, strict=True))
 
 
 def _closing_lacks(case: HalfCurve, got: float) -> str:
@@ -433,12 +423,9 @@ class DistantZero(UnstablePlant):
 
 def _distant_zero(rng: np.random.Generator) -> DistantZero:
     pole = draw(rng, 0.5, 3)
-    return DistantZero(
-        either_sign(rng) * draw(rng, 0.5, 5),
-        pole,
-        few(pole * rng.uniform(2, 5)),
-        few(pole * rng.uniform(60, 150)),
-    )
+    gain = either_sign(rng) * draw(rng, 0.5, 5)
+    decay, zero = few(pole * rng.uniform(2, 5)), few(pole * rng.uniform(60, 150))
+    return DistantZero(gain, pole, decay, zero)
 
 
 @around

@@ -1,7 +1,5 @@
 """Set 3: margins, and Lemma 2."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import partial
@@ -11,9 +9,8 @@ from typing import Any
 import control as ct
 import numpy as np
 
+from nrdob import NRDOB, LowPassFilter
 from nrdob.analysis import LoopMargins, MarginBounds, margin_bounds
-from nrdob.diagram import LowPassFilter
-from nrdob.loop import NRDOB
 from nrdob.numerics import ComplexArray, FloatArray
 from nrdob.plants import antiresonance, resonance
 from nrdob.plotting import Figure
@@ -191,11 +188,9 @@ def draw_measured_loop(draw: Callable[..., Any], which: int, rng: np.random.Gene
             return False
         readings = delay_readings(case)
         others = ["degrees", "plus one", "either way", "phase margin" if which else "last"]
-        return (
-            readings["right"] == delays_of(case)[which]
-            and apart(*(readings[name] for name in ("right", *others)), by=0.1)
-            and loop.stability().stable is True
-        )
+        decides = readings["right"] == delays_of(case)[which]
+        told = apart(*(readings[name] for name in ("right", *others)), by=0.1)
+        return bool(decides and told and loop.stability().stable is True)
 
     return first_fitting(drawn, fits)
 
@@ -345,13 +340,8 @@ def _margins(case: GainCase) -> LoopMargins:
 def _seems_robust(case: GainCase) -> bool:
     found = _margins(case)
     fh, true = found.observer_loop, found.plant_loop
-    return bool(
-        found.stable
-        and 3.5 < fh.gm_high < inf
-        and fh.pm > 60
-        and found.model_loop.pm > 45
-        and fh.gm_high > 1.3 * true.gm_high
-    )
+    good = found.stable and 3.5 < fh.gm_high < inf and fh.pm > 60 and found.model_loop.pm > 45
+    return bool(good and fh.gm_high > 1.3 * true.gm_high)
 
 
 @fitting(_seems_robust)
@@ -454,16 +444,10 @@ def draw_margin_loop(rng: np.random.Generator) -> tuple[MarginCase, float]:
     controller = ct.tf([1 / slow[0], 1], [4 * gain / slow[1], 0])
     good, omega = rng.uniform(3.5, 5) * lag, few(0.05 / lag)
     loops = [NRDOB(plant, model, controller, LowPassFilter(share * good, 2)) for share in SHARES]
-    case = MarginCase(
-        plant,
-        model,
-        controller,
-        ms=float(np.ceil(100 * loops[0].margins().plant_loop.ms) / 100),
-        delay_margin=few(loops[1].margins().plant_loop.delay_margin, 3),
-        omega=omega,
-        rejection=few(float(abs(loops[2].S_d(1j * omega))), 3),
-    )
-    return case, good
+    ms = float(np.ceil(100 * loops[0].margins().plant_loop.ms) / 100)
+    delay_margin = few(loops[1].margins().plant_loop.delay_margin, 3)
+    rejection = few(float(abs(loops[2].S_d(1j * omega))), 3)
+    return MarginCase(plant, model, controller, ms, delay_margin, omega, rejection), good
 
 
 SHARES = (0.7, 0.9, 1.15)

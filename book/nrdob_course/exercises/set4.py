@@ -1,7 +1,5 @@
 """Set 4: choosing F, stabilising sets and trade-offs."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cache, partial
@@ -13,8 +11,8 @@ import numpy as np
 from scipy.optimize import brentq
 from scipy.signal import butter
 
+from nrdob import NRDOB, LowPassFilter, critical_time_constants
 from nrdob.design import (
-    critical_time_constants,
     disturbance_index,
     gain_bound,
     noise_index,
@@ -25,13 +23,11 @@ from nrdob.design import (
 )
 from nrdob.diagram import (
     DelayedTransferFunction,
-    LowPassFilter,
     ObserverEquations,
     as_fraction,
     filter_fraction,
     rational_power,
 )
-from nrdob.loop import NRDOB
 from nrdob.numerics import ComplexArray, FloatArray, QuasiPolynomial
 from nrdob.plotting import Figure
 
@@ -66,12 +62,9 @@ class CardCase:
 
 
 def _edges(case: CardCase) -> list[float]:
-    return [
-        smallest_for_delay(case.delay, case.order),
-        smallest_for_rhp_zero(case.zero, case.order),
-        0.0,
-        smallest_for_double_lag(case.double_lag, case.order),
-    ]
+    n = case.order
+    by_delay, by_zero = smallest_for_delay(case.delay, n), smallest_for_rhp_zero(case.zero, n)
+    return [by_delay, by_zero, 0.0, smallest_for_double_lag(case.double_lag, n)]
 
 
 def _plants(case: CardCase) -> list[Any]:
@@ -115,10 +108,8 @@ def _off_the_edge(case: CardCase, k: int, value: float) -> str:
     if value == 0:
         return "not every λ is stable"
     plant, model = _plants(case)[k], ct.tf([1], [1, 1])
-    above, below = (
-        observer_stable(plant, model, LowPassFilter(factor * value, case.order))
-        for factor in (EDGE, 1 / EDGE)
-    )
+    filters = (LowPassFilter(factor * value, case.order) for factor in (EDGE, 1 / EDGE))
+    above, below = (observer_stable(plant, model, F) for F in filters)
     if above is not True:
         return "the loop becomes unstable at this λ"
     return "smaller λ are stable, too," if below is not False else ""
@@ -538,13 +529,9 @@ class _Price(NamedTuple):
 def _price(case: BetterCase, filter: Any) -> _Price:
     num, den = filter_fraction(filter)
     poles = np.roots(den).astype(complex)
-    return _Price(
-        noise=rational_power(num, den),
-        error=rational_power(np.polysub(den, num)[:-1], den),  # of (1 - F)/s
-        speed=float(np.abs(poles).max()),
-        poles=poles,
-        causal=den.size - num.size >= _order(case),
-    )
+    speed, causal = float(np.abs(poles).max()), den.size - num.size >= _order(case)
+    error = rational_power(np.polysub(den, num)[:-1], den)  # of (1 - F)/s
+    return _Price(rational_power(num, den), error, speed, poles, causal)
 
 
 def _spread(case: BetterCase, slow: float, ratio: float) -> ct.TransferFunction:
@@ -558,12 +545,8 @@ def _better_case(rng: np.random.Generator) -> BetterCase:
     free = BetterCase(all_pole(*poles, gain=draw(rng, 0.5, 5)), inf, inf, inf)
     slow = slowest * rng.uniform(3, 6)
     price = _price(free, _spread(free, slow, 4.0))
-    return BetterCase(
-        free.model,
-        noise=few(1.03 * price.noise, 3),
-        error=few(1.04 * price.error, 3),
-        fastest=few(6.5 * slow),
-    )
+    noise, error = few(1.03 * price.noise, 3), few(1.04 * price.error, 3)
+    return BetterCase(free.model, noise, error, fastest=few(6.5 * slow))
 
 
 def _beats(case: BetterCase, got: Any) -> str:
@@ -576,11 +559,8 @@ def _beats(case: BetterCase, got: Any) -> str:
         words = f"its fastest pole is {price.speed:.4g} rad/s"
     else:
         found = {name: getattr(price, name) for name in ("noise", "error")}
-        words = " and ".join(
-            f"the {name} is {value:.4g}"
-            for name, value in found.items()
-            if value > getattr(case, name) * LEEWAY
-        )
+        over = [name for name in found if found[name] > getattr(case, name) * LEEWAY]
+        words = " and ".join(f"the {name} is {found[name]:.4g}" for name in over)
     return words and Lack(_mistake(case, price), words)
 
 

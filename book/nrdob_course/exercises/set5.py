@@ -1,7 +1,5 @@
 """Set 5: unstable and delayed plants."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cache, partial
@@ -12,13 +10,9 @@ import control as ct
 import numpy as np
 from scipy.optimize import brentq, minimize_scalar
 
-from nrdob.design import (
-    critical_time_constants,
-    right_half_plane_parity,
-    stabilizing_time_constants,
-)
-from nrdob.diagram import DelayedTransferFunction, LowPassFilter, as_fraction, delay
-from nrdob.loop import NRDOB
+from nrdob import NRDOB, LowPassFilter, critical_time_constants, delay, stabilizing_time_constants
+from nrdob.design import right_half_plane_parity
+from nrdob.diagram import DelayedTransferFunction, as_fraction
 from nrdob.numerics import FloatArray
 from nrdob.plotting import Figure
 
@@ -195,13 +189,9 @@ def _tells_apart(case: FilterCase) -> bool:
     found = borders_read(case)
     rough = [value for name, value in found.items() if name not in ("Padé 2", "frequency")]
     sets = stabilizing_time_constants(case.process, case.model, case.order)
-    return (
-        len(sets) == 1
-        and sets[0][1] == inf
-        and apart(*rough, by=0.05)
-        and apart(found["true"], found["Padé 2"], by=0.0025)
-        and apart(found["true"], found["frequency"], by=0.5)
-    )
+    is_last = len(sets) == 1 and sets[0][1] == inf
+    told = apart(*rough, by=0.05) and apart(found["true"], found["frequency"], by=0.5)
+    return is_last and told and apart(found["true"], found["Padé 2"], by=0.0025)
 
 
 @fitting(_tells_apart)
@@ -210,11 +200,9 @@ def _late_case(rng: np.random.Generator) -> FilterCase:
     poles = [draw(rng, 1, 6) for _ in range(2)]
     close = [few(pole * rng.uniform(0.75, 1.35)) for pole in poles]
     gain = few(rng.uniform(0.85, 1.2) * poles[0] * poles[1])
-    return FilterCase(
-        delay(draw(rng, 0.06, 0.4)) * (gain / ((s + poles[0]) * (s + poles[1]))),
-        few(close[0] * close[1]) / ((s + close[0]) * (s + close[1])),
-        int(rng.integers(2, 4)),
-    )
+    process = delay(draw(rng, 0.06, 0.4)) * (gain / ((s + poles[0]) * (s + poles[1])))
+    model = few(close[0] * close[1]) / ((s + close[0]) * (s + close[1]))
+    return FilterCase(process, model, int(rng.integers(2, 4)))
 
 
 def _border_lacks(case: FilterCase, value: float) -> str:
@@ -284,13 +272,9 @@ def _legible(case: FilterCase, unstable: bool) -> bool:
     value, omega = edge_of(case)
     x = value * omega
     verdicts = [_stable(case, k * value) for k in (0.9, 1.1)]
-    return (
-        verdicts == [unstable, not unstable]
-        and 0.5 < x < 2.2
-        and 0.5 < omega < 30
-        and apart(value, x, 1 / value, by=0.3)
-        and apart(value, x, omega, by=0.3)
-    )
+    seen = 0.5 < x < 2.2 and 0.5 < omega < 30
+    told = apart(value, x, 1 / value, by=0.3) and apart(value, x, omega, by=0.3)
+    return verdicts == [unstable, not unstable] and seen and told
 
 
 def draw_edge(case: FilterCase) -> Figure:
@@ -454,18 +438,12 @@ class DesignCase:
 def _design_case(rng: np.random.Generator) -> DesignCase:
     """Draw a plant; the limits are such that the mirrored model of full size meets them."""
     pole = draw(rng, 0.5, 5)
-    case = DesignCase(
-        gain=draw(rng, 0.5, 4),
-        pole=pole,
-        decay=few(pole * rng.uniform(3, 6)),
-        dead_time=few(rng.uniform(0.055, 0.065) / pole),
-    )
+    gain, decay = draw(rng, 0.5, 4), few(pole * rng.uniform(3, 6))
+    case = DesignCase(gain, pole, decay, dead_time=few(rng.uniform(0.055, 0.065) / pole))
     tempting = replace(_design(case, 0.2, size=0.5), process=case.feared).margins()
-    return replace(
-        case,
-        max_ms=few((tempting.plant_loop.ms * tempting.observer_loop.ms) ** 0.5, 3),
-        max_noise=few(1.6 * _noise(replace(_design(case, 0.1), process=case.feared))),
-    )
+    between = (tempting.plant_loop.ms * tempting.observer_loop.ms) ** 0.5
+    noise = _noise(replace(_design(case, 0.1), process=case.feared))
+    return replace(case, max_ms=few(between, 3), max_noise=few(1.6 * noise))
 
 
 def _design(case: DesignCase, value: float, size: float = 1.0, sign: float = 1.0) -> NRDOB:
@@ -585,12 +563,10 @@ def _tolerated(order: int) -> float:
 def _today(case: DelayedCase) -> float:
     """Find the fastest filter that tolerates the error with the dead time of today."""
     model = delay(case.dead_time) * case.prompt
-    return max(
-        critical_time_constants(
-            delay(case.dead_time + off) * case.prompt, model, case.order, floor=0.1 * case.error
-        )[-1].time_constant
-        for off in (-case.error, case.error)
-    )
+    plants = [delay(case.dead_time + off) * case.prompt for off in (-case.error, case.error)]
+    floor = 0.1 * case.error
+    edges = [critical_time_constants(each, model, case.order, floor=floor) for each in plants]
+    return max(found[-1].time_constant for found in edges)
 
 
 @kept

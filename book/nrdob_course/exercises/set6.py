@@ -1,7 +1,5 @@
 """Set 6: a design project, from specification to a verified loop."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from functools import partial

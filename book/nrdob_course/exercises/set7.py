@@ -1,7 +1,5 @@
 """Set 7: the bench: by calculation, and by simulation."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import partial
@@ -12,10 +10,9 @@ import control as ct
 import numpy as np
 
 import nrdob
-from nrdob.diagram import LowPassFilter, delay
+from nrdob import NRDOB, LowPassFilter, delay
 from nrdob.digital import ActuatorLimits, SampledLoop
 from nrdob.drives import Counting, Drive, Encoder, Friction, OneMass, TwoMasses, encoded
-from nrdob.loop import NRDOB
 from nrdob.numerics import FloatArray
 
 from .cases import around, s

@@ -1,26 +1,18 @@
-"""Grade one submission with nbgrader, in a process of its own.
+"""Grade one submission after the other with nbgrader, each in a process of its own.
 
-    python -P -m nrdob_course.grading.autograde COURSE STUDENT SET
-
-COURSE is a folder in nbgrader's layout that this process has for itself. What came out is written
-to ``COURSE/result.json``; the marked notebook and the feedback lie where nbgrader puts them.
-
-Without arguments it has read its libraries, and grades one submission after the other in a fork of
-itself. It takes an order in each line of its input, ``{"root": …, "student": …, "set": …,
-"source": …}``, and answers each with the exit code. Reading the libraries takes longer than
-grading, and so does drawing the cases of the hidden tests, which are everybody's: it draws them
-before the fork.
+An order is a line of the input, ``{"root": …, "student": …, "set": …, "source": …}``; the answer is
+the exit code. Root is a folder in nbgrader's layout that the process has for itself. What came out
+is written to ``result.json`` in it; the marked notebook and the feedback lie where nbgrader puts
+them. Reading the libraries takes longer than grading, and so does drawing the cases of the hidden
+tests, which are everybody's: both are done before the fork.
 """
 
-from __future__ import annotations
-
 import json
+import multiprocessing
 import os
 import shutil
-import subprocess
 import sys
 import time
-import traceback
 import warnings
 from collections.abc import Callable
 from copy import deepcopy
@@ -58,7 +50,7 @@ warnings.filterwarnings("ignore", module="nbgrader")
 
 SETTINGS = "nbgrader_config.py"
 
-KERNEL, WORKER = f"{__package__}.kernel", f"{__package__}.autograde"
+KERNEL = f"{__package__}.kernel"
 
 NOT_MARKED = "Not marked yet: its points are still to come."
 
@@ -400,9 +392,13 @@ def write_feedback(api: NbGraderAPI, student: str, set_name: str) -> None:
     page.write_text(offline(page.read_text("utf-8")), "utf-8")
 
 
-def main(arguments: list[str]) -> None:
-    """Grade one submission."""
-    root, student, set_name = Path(arguments[0]), *arguments[1:]
+def main(place: str, student: str, set_name: str) -> None:
+    """Grade one submission; what is said goes into a file beside what came out."""
+    root = Path(place)
+    log = os.open(root / "log.txt", os.O_WRONLY | os.O_CREAT | os.O_APPEND)
+    for number, file in ((0, os.open(os.devnull, os.O_RDONLY)), (1, log), (2, log)):
+        os.dup2(file, number)
+    os.chdir(root)  # what a process can learn of its parents leads nowhere
     # Neither the teacher's own settings nor their history have a part in it.
     os.environ.update(IPYTHONDIR=str(root / "ipython"), JUPYTER_CONFIG_DIR=str(root / "jupyter"))
     sandbox.adopt_orphans()
@@ -439,32 +435,14 @@ def ready() -> None:
 
 def run(root: str, student: str, name: str) -> int:
     """Grade one submission in a process of its own; its exit code, as `subprocess` has it."""
-    log = Path(root) / "log.txt"
     ready()
-    arguments = [root, student, name]
-    if not hasattr(os, "fork"):  # Windows
-        with log.open("wb") as output:
-            command = [sys.executable, "-P", "-m", WORKER, *arguments]
-            return subprocess.call(command, cwd=root, stdout=output, stderr=output)
-    child = os.fork()
-    if not child:
-        code = 1
-        try:
-            for number, mode in ((0, os.O_RDONLY), (1, os.O_WRONLY), (2, os.O_WRONLY)):
-                path = log if number else os.devnull
-                os.dup2(os.open(path, mode | (os.O_CREAT | os.O_APPEND if number else 0)), number)
-            os.chdir(root)  # what a process can learn of its parents leads nowhere
-            main(arguments)
-            code = 0
-        except BaseException:
-            traceback.print_exc()
-        finally:
-            sys.stderr.flush()
-            os._exit(code)
-    _, status = os.waitpid(child, 0)
+    context: Any = multiprocessing.get_context("fork" if hasattr(os, "fork") else "spawn")
+    process = context.Process(target=main, args=(root, student, name))
+    process.start()
+    process.join()
     for server in FORK_SERVERS:
         end(server.process.pid, itself=False)
-    return os.waitstatus_to_exitcode(status)
+    return int(process.exitcode)
 
 
 def work() -> None:
@@ -480,7 +458,4 @@ def work() -> None:
 
 
 if __name__ == "__main__":
-    if sys.argv[1:]:
-        main(sys.argv[1:])
-    else:
-        work()
+    work()

@@ -3,8 +3,6 @@
 Whatever a student's code does, it gives an outcome: points, or the reason why there are none.
 """
 
-from __future__ import annotations
-
 import json
 import os
 import re

@@ -4,15 +4,13 @@ The result is a course in nbgrader's layout, with tables and pages of ours: see
 ``book/teaching/running.md``, and ``python -m nrdob_course.grading --help``.
 """
 
-from __future__ import annotations
-
 import argparse
 import csv
 import getpass
 import shutil
 import sys
 import tempfile
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from io import TextIOWrapper
 from pathlib import Path
 from typing import Any
@@ -28,7 +26,7 @@ from .marks import Record, Records, grades_of, number, problem_of, unmarked
 from .platforms import packed, unpacked
 from .release import SOURCE, CourseError, found_course, generate, release, sets_in
 from .roster import UNPLANNED, Course, read_course
-from .submissions import NOTHING, Submission, find, remark_group, repair
+from .submissions import NOTHING, Notebooks, Submission, find, remark_group, repair
 from .written import Key, Typed, read_written, write_written
 
 __all__ = ["grade", "main", "override", "parse", "regrade", "release", "report"]
@@ -102,7 +100,7 @@ def grade(
     return summary(target, submissions, records, faults)
 
 
-def released(target: Path, names: set[str]) -> dict[str, Notebook]:
+def released(target: Path, names: set[str]) -> Notebooks:
     """Give the students' copy of each of some sets, made anew."""
     places = {name: generate(target, SOURCE, name) for name in sorted(names)}
     return {name: nbformat.read(p / f"{name}.ipynb", as_version=4) for name, p in places.items()}
@@ -146,12 +144,7 @@ def run(ready: list[tuple[str, Submission]], target: Path, records: Records, job
             print(f"[{count:>{len(str(len(ready)))}}/{len(ready)}] {came_of(outcome)}", flush=True)
 
 
-def compare(
-    target: Path,
-    records: Records,
-    given_out: Mapping[str, Notebook],
-    solutions: Mapping[str, Notebook],
-) -> None:
+def compare(target: Path, records: Records, given_out: Notebooks, solutions: Notebooks) -> None:
     """List the submissions whose answers are alike, or published ones, of the sets just graded."""
     path = target / "similar.csv"
     columns = ["set", "first", "second", "cells", "share"]

@@ -3,8 +3,6 @@
 No limit of the system adds up what a process has written.
 """
 
-from __future__ import annotations
-
 import os
 import stat
 import tempfile

@@ -6,8 +6,6 @@ stay that lie in the page itself. Formulas become MathML, which browsers draw wi
 cannot be converted is shown as it was written.
 """
 
-from __future__ import annotations
-
 import re
 import tomllib
 from html import escape

@@ -5,8 +5,6 @@ find another one in its place: the classes of their cases, cut out of the source
 need to be printed and drawn, the group's own cases, and a `check` that does not check now.
 """
 
-from __future__ import annotations
-
 import ast
 import io
 import pickle

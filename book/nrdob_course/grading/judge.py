@@ -9,8 +9,6 @@ It is asked twice, in two processes. `look` asks for the group's own case, and w
 can be shown. `judge` sends hidden cases, too, and gives points and sentences known beforehand.
 """
 
-from __future__ import annotations
-
 import ast
 import json
 import multiprocessing

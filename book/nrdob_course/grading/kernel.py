@@ -9,8 +9,6 @@ Without arguments it starts kernels as copies of itself: an order has the argume
 its environment, the answer is the process.
 """
 
-from __future__ import annotations
-
 import base64
 import builtins
 import json
@@ -124,14 +122,9 @@ def main(arguments: list[str]) -> None:
 
 
 def started(order: dict[str, Any]) -> int:
-    """Start a kernel, and tell its process."""
-    if not (child := os.fork()):
-        become_a_kernel(order)
-    return child
-
-
-def become_a_kernel(order: dict[str, Any]) -> None:
-    """Leave all that is the server's, its pipes above all, and be a kernel."""
+    """Start a kernel, which leaves all that is the server's, its pipes above all; its process."""
+    if child := os.fork():
+        return child
     try:
         signal.signal(signal.SIGCHLD, signal.SIG_DFL)
         os.setsid()

@@ -7,8 +7,6 @@ code. Points and comments are typed beside the answers; a button writes them as 
 glance: points for each problem, the mistakes that were recognised, and times.
 """
 
-from __future__ import annotations
-
 import base64
 import hashlib
 import re
@@ -17,6 +15,7 @@ from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from html import escape
 from importlib.resources import files
+from itertools import groupby
 from pathlib import Path
 from statistics import mean, median
 from typing import Any
@@ -75,25 +74,18 @@ def write_marking(
         Markup(files(__package__).joinpath("pages", f"marking.{kind}").read_text("utf-8"))
         for kind in ("css", "js")
     )
-    page = PAGES.get_template("marking.html").render(
-        problems=problems,
-        style=style,
-        script=script,
-        digest=base64.b64encode(hashlib.sha256(script.encode()).digest()).decode(),
-        key=hashlib.sha256(str(path.resolve()).encode()).hexdigest()[:8],
-    )
+    digest = base64.b64encode(hashlib.sha256(script.encode()).digest()).decode()
+    key = hashlib.sha256(str(path.resolve()).encode()).hexdigest()[:8]
+    how = {"style": style, "script": script, "digest": digest, "key": key}
+    page = PAGES.get_template("marking.html").render(problems=problems, **how)
     path.write_text(page + "\n", "utf-8")
 
 
 def _problem(source: Any, name: str, advice: Mapping[str, Any]) -> dict[str, Any]:
     """Give what was asked, what is right, and what goes wrong."""
     texts = {cell.id: MARKERS.sub("", cell.source) for cell in source.cells if "id" in cell}
-    return {
-        "task": _shown(texts.get(name.replace("written", "task"), "")),
-        "solution": _shown(texts.get(name, "")),
-        "rubric": [(number(points), _shown(what)) for points, what in advice.get("rubric", [])],
-        "wrong": [(_shown(what), _shown(say)) for what, say in advice.get("wrong", [])],
-    }
+    task = texts.get(name.replace("written", "task"), "")
+    return {**advice, "task": task, "solution": texts.get(name, "")}
 
 
 def _answer(path: Path, entry: Record, grade: Any, gradebook: Gradebook) -> dict[str, Any]:
@@ -101,14 +93,11 @@ def _answer(path: Path, entry: Record, grade: Any, gradebook: Gradebook) -> dict
     cell = dict(answers_of(path, entry)).get(grade.name, {})
     for name, held in cell.get("attachments", {}).items():
         pictures |= {f"attachment:{name}": f"data:{kind};base64,{held[kind]}" for kind in held}
-    text = _shown(cell.get("source", ""), pictures)
     return {
-        "code": entry["code"],
-        "set": entry["set"],
-        "text": text,
+        "entry": entry,
+        "grade": grade,
+        "text": _shown(cell.get("source", ""), pictures),
         "pictures": list(pictures.values()),
-        "most": number(grade.max_score),
-        "points": number(grade.manual_score),
         "comment": comment_of(gradebook, entry, grade).manual_comment or "",
     }
 
@@ -139,6 +128,9 @@ def _shown(text: str, pictures: dict[str, str] | None = None) -> Markup:
     return Markup(offline(re.sub(r"\A<p>(.*)</p>\Z", r"\1", html)))
 
 
+PAGES.filters |= {"number": number, "shown": _shown}
+
+
 # --- the class at a glance ----------------------------------------------------------------------
 
 
@@ -165,39 +157,25 @@ def mistakes(root: Path, found: Iterable[Line]) -> Counter[tuple[str, str]]:
 def write_tally(path: Path, root: Path, found: Sequence[Line]) -> None:
     """Write the page, with a part for each set."""
     graded = [line for line in found if line.grades]
-    sets = sorted({line.entry["set"] for line in graded}, key=in_order)
+    graded.sort(key=lambda line: in_order(line.entry["set"]))
     counts = mistakes(root, graded)
-    by_set = {name: [line for line in graded if line.entry["set"] == name] for name in sets}
-    parts = [_set(name, lines, counts) for name, lines in by_set.items()]
-    how = {"nowhere": NOWHERE, "number": number, "median": median}
-    page = PAGES.get_template("class.html").render(sets=parts, **how)
+    sets = []
+    for name, lines in groupby(graded, key=lambda line: line.entry["set"]):
+        mine = list(lines)
+        shares = dict(sorted(_shares(mine).items(), key=lambda item: in_order(item[0])))
+        named = [(*key, count) for key, count in counts.items() if key[0] in shares]
+        named.sort(key=lambda item: (-item[2], in_order(item[0])))
+        sets.append({"name": name, "lines": mine, "shares": shares, "mistakes": named})
+    how = {"nowhere": NOWHERE, "mean": mean, "median": median}
+    page = PAGES.get_template("class.html").render(sets=sets, **how)
     path.write_text(page + "\n", "utf-8")
 
 
-def _set(name: str, graded: list[Line], counts: Counter[tuple[str, str]]) -> dict[str, Any]:
+def _shares(graded: Iterable[Line]) -> dict[str, list[float]]:
+    """Give the shares of the points that were earned, by problem."""
     shares: dict[str, list[float]] = {}
     for grade in (grade for line in graded for grade in line.grades):
         given = shares.setdefault(problem_of(grade.name), [])
         if grade.max_score and not unmarked(grade):
             given.append(float(grade.score) / float(grade.max_score))
-    return {
-        "name": name,
-        "late": sum(bool(line.days) for line in graded),
-        "totals": sorted(line.earned for line in graded),
-        "most": max(line.most for line in graded),
-        "times": sorted(line.entry.get("seconds", 0.0) for line in graded),
-        "points": [
-            {
-                "problem": problem,
-                "marked": len(mine),
-                "mean": mean(mine or [0.0]),
-                "full": sum(share > 0.999 for share in mine),
-                "none": sum(share < 0.001 for share in mine),
-            }
-            for problem, mine in sorted(shares.items(), key=lambda item: in_order(item[0]))
-        ],
-        "mistakes": sorted(
-            ((*key, count) for key, count in counts.items() if key[0] in shares),
-            key=lambda item: (-item[2], in_order(item[0])),
-        ),
-    }
+    return shares

@@ -5,8 +5,6 @@ begins so; Canvas a file, ``muelleranna_LATE_12345_67890_set1.ipynb``, with ``-1
 it was handed in again. Both come as one zip, which is unpacked as if it came from anywhere.
 """
 
-from __future__ import annotations
-
 import re
 import shutil
 import time

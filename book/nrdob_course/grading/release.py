@@ -1,7 +1,5 @@
 """Give out the problem sets: the students' copies, as folders and archives, and the solutions."""
 
-from __future__ import annotations
-
 import re
 import shutil
 import tempfile

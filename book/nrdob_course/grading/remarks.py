@@ -5,8 +5,6 @@ reading finds everything, for names can be put together while the code runs; see
 holds.
 """
 
-from __future__ import annotations
-
 import ast
 import re
 import tomllib

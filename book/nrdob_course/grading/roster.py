@@ -16,8 +16,6 @@ They stand in a file that the teacher writes, ``course.toml``::
     "Anna Müller" = 2026-11-05T23:59:00
 """
 
-from __future__ import annotations
-
 import csv
 import io
 import re

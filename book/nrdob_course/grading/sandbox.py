@@ -7,8 +7,6 @@ and `missing` says so. If it was started by root it becomes *nobody*, with a san
 where it cannot, `stays_root` says so, and it keeps the user but none of the rights of root.
 """
 
-from __future__ import annotations
-
 import ctypes
 import os
 import struct

@@ -6,8 +6,6 @@ and measures nobody but itself, locks no file, and changes no file's permissions
 Refused is what is named here; each with the error EPERM.
 """
 
-from __future__ import annotations
-
 import ctypes
 import os
 import platform
@@ -22,10 +20,7 @@ ARCHITECTURES = {"x86_64": 0xC000003E, "aarch64": 0xC00000B7}
 
 TABLES = tomllib.loads(Path(__file__).with_name("seccomp.toml").read_text("utf-8"))
 REFUSED, OWN, IGNORED = (TABLES[name] for name in ("refused", "own", "ignored"))
-"""Calls that are refused, that a process may do to itself only, and that it believes it has done.
-
-:meta hide-value:
-"""
+"""Calls that are refused, that one may do to oneself only, and that seem to have been done."""
 
 CLONE, SOCKETPAIR, FCNTL, IOCTL = (56, 220), (53, 199), (72, 25), (16, 29)
 CLONE3 = 435

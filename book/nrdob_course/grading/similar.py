@@ -6,8 +6,6 @@ problems have one short way. Answers that are the published solution's are liste
 however many have copied them. A line of the list is a question, not a verdict.
 """
 
-from __future__ import annotations
-
 import ast
 import re
 from collections import Counter, defaultdict

@@ -7,8 +7,6 @@ kernel, a cell that is gone or doubled. What cannot be read or told apart is ref
 reason; it never stops the others.
 """
 
-from __future__ import annotations
-
 import ast
 import json
 import os
@@ -31,10 +29,12 @@ from .remarks import parsed, suspicious
 from .roster import UNPLANNED, Course
 
 __all__ = [
-    "NOTHING", "Submission", "find", "group_of", "read", "remark_group", "repair", "writable",
+    "NOTHING", "Notebooks", "Submission", "find", "group_of", "read", "remark_group", "repair",
+    "writable",
 ]  # fmt: skip
 
 Notebook = Any
+Notebooks = Mapping[str, Notebook]
 Cell = Any
 
 LARGEST, MOST_VALUES, LONGEST_CELL = 50e6, 1_000_000, 100_000
@@ -54,7 +54,8 @@ class Submission:
     ``reason`` says why it cannot be graded; it is empty if it can. ``assigned`` is the group that
     the roster has; ``assumed``, the one that was put in where the student gave none, and ``doubt``
     says so; ``suspicious`` says that its code does what no answer needs; ``shared``, that the
-    folder is not the student's own.
+    folder is not the student's own. ``file`` is its name as the student gave it, ``shown`` its
+    place in what was handed in.
     """
 
     student: str
@@ -71,6 +72,8 @@ class Submission:
     doubt: str = ""
     suspicious: bool = False
     shared: bool = False
+    file: str = ""
+    shown: str = ""
 
     @property
     def name(self) -> str:
@@ -93,21 +96,6 @@ class Submission:
 # --- which files there are ----------------------------------------------------------------------
 
 
-@dataclass(frozen=True)
-class _Candidate:
-    owner: Owner
-    path: Path
-    name: str
-    shown: str
-    problem: str
-    notebook: Notebook = None
-    set: str = ""
-
-    @property
-    def student(self) -> str:
-        return self.owner.student
-
-
 NOTHING = "nothing was handed in"
 UNCLEAR = "another of this name is on the roster, and what was handed in says not whose it is"
 LINK = "it is a link, and links are not followed"
@@ -119,10 +107,7 @@ NAMELESS = (
 
 
 def find(
-    folder: Path,
-    sets: Mapping[str, Notebook],
-    wanted: Iterable[str] = (),
-    course: Course = UNPLANNED,
+    folder: Path, sets: Notebooks, wanted: Iterable[str] = (), course: Course = UNPLANNED
 ) -> list[Submission]:
     """Find what each student handed in.
 
@@ -137,10 +122,10 @@ def find(
     submissions = []
     for student in students:
         own = [found for found in everything if found.student == student]
-        if own[0].name == student and own[0].path.is_file():  # nobody's
-            submissions.append(Submission(student, own[0].set, own[0].path, reason=own[0].problem))
+        if own[0].file == student and own[0].path and own[0].path.is_file():  # nobody's
+            submissions.append(own[0])
             continue
-        empty = [found for found in own if not found.name]
+        empty = [found for found in own if not found.file]
         unknown = [found for found in own if not found.set and found not in empty]
         if not looked_for:
             unknown += empty
@@ -151,8 +136,8 @@ def find(
                 named, unknown = unknown, []  # nothing else that it could be
             if named or name in expected:
                 mine.append(_choose(student, name, named or empty))
-        mine += [Submission(student, "", found.path, reason=_no_set(found)) for found in unknown]
-        submissions += mine or [Submission(student, "", reason=_no_set(own[0]))]
+        unknown = [_of_no_set(found) for found in unknown]
+        submissions += [*mine, *unknown] or [_of_no_set(own[0])]
     return submissions + _on_the_roster(course, submissions, expected or [""])
 
 
@@ -227,81 +212,76 @@ def _is_notebook(path: Path, top: Path) -> bool:
     return ".ipynb" in path.name.lower() and not hidden and (path.is_symlink() or path.is_file())
 
 
-def _candidate(
-    owner: Owner, name: str, path: Path, folder: Path, sets: Mapping[str, Notebook]
-) -> _Candidate:
+def _candidate(owner: Owner, name: str, path: Path, folder: Path, sets: Notebooks) -> Submission:
     shown = _told(path.relative_to(folder).as_posix())
+    found = Submission(owner.student, "", path, owner=owner, file=name, shown=shown)
     if path.is_symlink():
-        named = _named_set(path.name, sets)
-        return _Candidate(owner, path, name, shown, f"{shown}: {LINK}", set=named)
-    if owner.text:
-        problem = "a text was typed into the platform, and no notebook handed in"
-        return _Candidate(owner, path, "", shown, problem)
-    if path.is_dir():
+        found.set, found.reason = _named_set(path.name, sets), f"{shown}: {LINK}"
+    elif owner.text:
+        found.file = ""
+        found.reason = "a text was typed into the platform, and no notebook handed in"
+    elif path.is_dir():
         files = ", ".join(sorted(_told(file.name) for file in path.iterdir())[:3])
-        problem = "there is no notebook in the folder" + (f", but {files}" if files else "")
-        return _Candidate(owner, path, "", shown, problem)
-    if not _is_notebook(path, folder):
-        return _Candidate(owner, path, name, shown, "it is no notebook")
-    notebook, problem = read(path)
-    if owner.student == name:
-        problem = problem or "the name of the file does not say whose it is"
-    named = _named_set(name, sets) or _named_set(path.parent.name, sets)
-    belongs = set_of(notebook, sets) or named
-    if belongs and not problem:
-        known = {each for cell in sets[belongs].cells for each in _names(cell)}
-        if not any(known.intersection(_names(cell)) for cell in notebook.cells):
-            problem = NAMELESS
-    return _Candidate(owner, path, name, shown, problem, notebook, belongs)
+        found.file = ""
+        found.reason = "there is no notebook in the folder" + (f", but {files}" if files else "")
+    elif not _is_notebook(path, folder):
+        found.reason = "it is no notebook"
+    else:
+        found.notebook, found.reason = read(path)
+        if owner.student == name:
+            found.reason = found.reason or "the name of the file does not say whose it is"
+        named = _named_set(name, sets) or _named_set(path.parent.name, sets)
+        found.set = set_of(found.notebook, sets) or named
+        if found.set and not found.reason:
+            known = {each for cell in sets[found.set].cells for each in _names(cell)}
+            if not any(known.intersection(_names(cell)) for cell in found.notebook.cells):
+                found.reason = NAMELESS
+    return found
 
 
-def _named_set(name: str, sets: Mapping[str, Notebook]) -> str:
+def _named_set(name: str, sets: Notebooks) -> str:
     number = SET_IN_NAME.search(name)
     return f"set{number[1]}" if number and f"set{number[1]}" in sets else ""
 
 
-def _no_set(found: _Candidate) -> str:
-    return found.problem or f"{found.shown} is none of the sets"
+def _of_no_set(found: Submission) -> Submission:
+    return replace(found, set="", reason=found.reason or f"{found.shown} is none of the sets")
 
 
-def _choose(student: str, name: str, found: list[_Candidate]) -> Submission:
+def _choose(student: str, name: str, found: list[Submission]) -> Submission:
     if not found:
         return Submission(student, name, reason=NOTHING)
     newest = [each for each in found if each.owner.turn == max(e.owner.turn for e in found)]
-    exact = [each for each in newest if each.name == f"{name}.ipynb"]
-    chosen = (exact if len(exact) == 1 else newest)[0]
-    others = [candidate.shown for candidate in found if candidate is not chosen]
-    submission = Submission(student, name, chosen.path, owner=chosen.owner)
+    exact = [each for each in newest if each.file == f"{name}.ipynb"]
+    chosen = replace((exact if len(exact) == 1 else newest)[0], set=name, remarks=[])
     if len(newest) > 1 and len(exact) != 1:
-        told = ", ".join(candidate.shown for candidate in newest)
-        submission.reason = f"{len(newest)} notebooks for one set: {told}"
-    else:
-        submission.reason = chosen.problem
-    if submission.reason:
-        return submission
-    submission.notebook = chosen.notebook
-    submission.handed_in = _time_of(chosen)
-    submission.shared = "/" not in chosen.shown
+        told = ", ".join(each.shown for each in newest)
+        chosen.reason = f"{len(newest)} notebooks for one set: {told}"
+    if chosen.reason or not chosen.path:
+        return chosen
+    chosen.handed_in = _time_of(chosen.path, chosen.owner)
+    chosen.shared = "/" not in chosen.shown
     proper = [f"{student}{between}{name}.ipynb" for between in ("/", f"/{name}/", "_", f"_{name}/")]
     if chosen.shown not in proper and not (chosen.owner.platform and exact):
-        submission.remarks.append(f"taken from {chosen.shown}")
-    submission.remarks += [f"{other} was left out" for other in others]
-    if not submission.shared:
+        chosen.remarks.append(f"taken from {chosen.shown}")
+    others = [each.shown for each in found if each.path != chosen.path]
+    chosen.remarks += [f"{other} was left out" for other in others]
+    if not chosen.shared:
         links = [path for path in sorted(chosen.path.parent.iterdir()) if path.is_symlink()]
-        submission.remarks += [f"{_told(link.name)} was left out: {LINK}" for link in links]
+        chosen.remarks += [f"{_told(link.name)} was left out: {LINK}" for link in links]
     if chosen.owner.late:
-        submission.remarks.append("late, says Canvas")
-    return submission
+        chosen.remarks.append("late, says Canvas")
+    return chosen
 
 
-def _time_of(found: _Candidate) -> datetime | None:
+def _time_of(path: Path, owner: Owner) -> datetime | None:
     """Tell when a file was handed in: as nbgrader noted it, else by the time of the file."""
-    note = found.path.parent / NOTE
+    note = path.parent / NOTE
     try:
-        if not found.owner.platform and note.exists() and not note.is_symlink():
+        if not owner.platform and note.exists() and not note.is_symlink():
             text = note.read_text("utf-8").strip().removesuffix(" UTC")
             return datetime.fromisoformat(f"{text}+00:00" if "+" not in text else text)
-        return datetime.fromtimestamp(found.path.stat().st_mtime).astimezone()
+        return datetime.fromtimestamp(path.stat().st_mtime).astimezone()
     except (OSError, ValueError, OverflowError):
         return None
 
@@ -341,7 +321,7 @@ def writable(content: Any) -> Any:
     return json.loads(json.dumps(content, ensure_ascii=False).encode("utf-8", "replace"))
 
 
-def set_of(notebook: Notebook, sets: Mapping[str, Notebook]) -> str:
+def set_of(notebook: Notebook, sets: Notebooks) -> str:
     """Tell from the cells which set a notebook belongs to; empty if it is not clear."""
     if notebook is None:
         return ""

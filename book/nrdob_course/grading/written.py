@@ -9,15 +9,13 @@ withdrawn. A regrade lets the graders judge anew. Both leave a line in ``changes
 rewrites.
 """
 
-from __future__ import annotations
-
 import csv
 import shutil
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from datetime import datetime
 from pathlib import Path
-from typing import Any
+from typing import Any, Self
 from urllib.parse import quote
 
 import nbformat
@@ -59,7 +57,7 @@ class Typed:
     kept: dict[Key, Mapping[str, str]] = field(default_factory=dict)
     readable: bool = True
 
-    def add(self, later: Typed) -> None:
+    def add(self, later: Self) -> None:
         """Take over what came of another table; what that has entered is no fault any more."""
         for key in later.entered:
             self.faults.pop(key, None)
