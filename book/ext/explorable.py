@@ -161,10 +161,13 @@ def carried(
 
 
 def places(book: Path) -> dict[str, dict[str, Any]]:
+    """Read the table of what can be moved."""
     return tomllib.loads((book / TABLE).read_text("utf-8"))
 
 
 class Explorable(SphinxDirective):
+    """A figure that can be moved."""
+
     required_arguments = 1
 
     def run(self) -> list[nodes.Node]:
@@ -198,6 +201,7 @@ class BlockDiagram(SphinxDirective):
 
 
 def add_scripts(app: Sphinx, page: str, _: str, _context: object, doctree: object) -> None:
+    """Load the scripts where there is something to be moved."""
     if doctree is not None and "explorable" in app.env.metadata[page]:
         for script in SCRIPTS:
             app.add_js_file(script, loading_method="defer")

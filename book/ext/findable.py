@@ -173,6 +173,7 @@ def write_texts(app: Sphinx, folder: Path) -> None:
 
 
 def add_scripts(app: Sphinx, page: str, *_: object) -> None:
+    """Load on the page of the search what it needs."""
     if page == "search":
         app.add_js_file(TEXTS)
         app.add_js_file("search.js", loading_method="defer")

@@ -116,6 +116,7 @@ def is_html(node: nodes.Node, wanted: re.Pattern[str]) -> bool:
 
 
 def is_folded_cell(node: nodes.Node) -> bool:
+    """Tell whether a node is a cell of code that is shown on demand."""
     return isinstance(node, nodes.container) and node.get("hide_mode") == "all"
 
 

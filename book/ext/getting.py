@@ -71,6 +71,7 @@ class Repository(SphinxDirective):
 
 
 def project_of(app: Sphinx) -> Path:
+    """Find the folder of the project."""
     return Path(app.srcdir, app.config.nrdob_project).resolve()
 
 

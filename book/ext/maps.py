@@ -62,6 +62,8 @@ def link(opening: Chapter, shown: str, page: str) -> nodes.Node:
 
 
 class ChapterMap(SphinxDirective):
+    """All chapters, part by part."""
+
     def run(self) -> list[nodes.Node]:
         chapters = read_chapters(folder_of(self.env, noted=True))
         found = nodes.container(classes=["chapter-map"])
@@ -80,6 +82,8 @@ class ChapterMap(SphinxDirective):
 
 
 class ReadingPath(SphinxDirective):
+    """One way through the book."""
+
     required_arguments = 1
     final_argument_whitespace = True
     has_content = True
@@ -100,6 +104,8 @@ class ReadingPath(SphinxDirective):
 
 
 class PaperMap(SphinxDirective):
+    """The table from the paper's numbers to the book."""
+
     def run(self) -> list[nodes.Node]:
         return self.parse_text_to_nodes(table(folder_of(self.env, noted=True)))
 

@@ -72,6 +72,8 @@ def claim_link(id: str, page: str, beside: nodes.Element) -> nodes.Element:
 
 
 class Claims(SphinxTransform):
+    """Turn citations of claims into links, and label the first one of each claim in a chapter."""
+
     default_priority = 500
 
     def apply(self, **_: object) -> None:
@@ -102,6 +104,8 @@ def claims_of(stem: str, figure: int = 0) -> list[str]:
 
 
 class PaperNumbers(SphinxTransform):
+    """Give the paper's equations their numbers, anchors, and the way to the ledger."""
+
     default_priority = 480
 
     def apply(self, **_: object) -> None:
@@ -147,6 +151,8 @@ def check(app: Sphinx) -> None:
 
 
 class Boxes(SphinxTransform):
+    """Make a box of each theorem, and a link of each mention."""
+
     default_priority = 490
 
     def apply(self, **_: object) -> None:
@@ -158,6 +164,7 @@ class Boxes(SphinxTransform):
                 text.parent.replace(text, pieces)
 
     def box(self, quotation: nodes.block_quote) -> None:
+        """Turn a quotation into a box, if it is a theorem."""
         strong = leading(quotation[0]) if quotation.children else None
         if not isinstance(strong, nodes.strong):
             return

@@ -54,6 +54,7 @@ def set_formula(translator: Any, node: nodes.Element, latex: str, display: bool)
 
 
 def visit_inline(translator: Any, node: nodes.math) -> None:
+    """Set a formula in a line of text."""
     translator.body.append(translator.starttag(node, "span", "", CLASS="math notranslate"))
     set_formula(translator, node, node.astext(), display=False)
     translator.body.append("</span>")
@@ -61,6 +62,7 @@ def visit_inline(translator: Any, node: nodes.math) -> None:
 
 
 def visit_display(translator: Any, node: nodes.math_block) -> None:
+    """Set a formula in a line of its own, with its number."""
     translator.body.append(translator.starttag(node, "div", CLASS="math notranslate"))
     if node["number"]:
         translator.body.append(f'<span class="eqno">({get_node_equation_number(translator, node)})')

@@ -76,6 +76,7 @@ def settle_all(
 
 
 def misfits(ledger: Mapping[str, Claim], chapters: Mapping[str, Chapter]) -> list[str]:
+    """Tell where ledger and chapters do not fit together."""
     told = [
         f"{id}: cited in {chapter.stem}, section {heading!r}, but there is no such claim"
         for chapter in chapters.values()
@@ -93,6 +94,7 @@ def misfits(ledger: Mapping[str, Claim], chapters: Mapping[str, Chapter]) -> lis
 
 
 def part_of(id: str) -> str | None:
+    """Name the part of the paper that a claim belongs to."""
     stem = id.partition(".")[0]
     return next((part for part, stems in PARTS.items() if re.fullmatch(stems, stem)), None)
 

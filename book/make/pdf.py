@@ -46,6 +46,8 @@ class Chapter(NamedTuple):
 
 
 class Part(NamedTuple):
+    """Some chapters with a title."""
+
     title: str
     chapters: tuple[Chapter, ...]
 
@@ -165,6 +167,7 @@ def browser_on_path() -> str | None:
 
 
 def build(site: Path, output: Path) -> None:
+    """Set the site as a book and print it."""
     from playwright.sync_api import sync_playwright
 
     browser_path = browser_on_path()

@@ -20,6 +20,7 @@ def faults_of_book(folder: Path) -> list[str]:
 
 
 def faults(page: str, cells: Sequence[Cell]) -> Iterator[str]:
+    """Name what one chapter lacks."""
     first = cells[0] if cells else {"cell_type": "raw", "source": ""}
     if first["cell_type"] != "markdown" or not re.match(r"(<!--.*?-->\s*)*# \S", first["source"]):
         yield f"{page}: does not open with its title, '# …'"
@@ -35,6 +36,7 @@ def faults(page: str, cells: Sequence[Cell]) -> Iterator[str]:
 
 
 def faults_of_figure(cell: Cell) -> Iterator[str]:
+    """Say what the figure of a cell lacks."""
     book = cell["metadata"].get("mystnb", {})
     figure = book.get("figure", {})
     shown = pictures(cell)

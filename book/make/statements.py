@@ -62,6 +62,7 @@ class Theorem:
 
     @property
     def parts(self) -> dict[str, str]:
+        """What follows the conditions, by label."""
         without = {f"Without {k}": text for k, text in self.without.items()}
         return {"Then": self.then, **without, "Proof": self.proof, "Known": self.known}
 
@@ -139,6 +140,7 @@ def faults(page: str, cells: Iterable[str]) -> list[str]:
 
 
 def faults_of(theorem: Theorem) -> Iterator[str]:
+    """Say what one theorem lacks."""
     if theorem.page.partition("_")[0].lstrip("0") != theorem.number.partition(".")[0]:
         yield f"stands in {theorem.page}, and has the number of another chapter"
     if not theorem.listed:

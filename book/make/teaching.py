@@ -64,6 +64,8 @@ class Task(NamedTuple):
 
 
 class ProblemSet(NamedTuple):
+    """A notebook of problems."""
+
     name: str
     title: str
     tasks: tuple[Task, ...]
@@ -174,13 +176,16 @@ class Pack:
 
     @property
     def parts(self) -> dict[str, list[Chapter]]:
+        """The chapters of each part of the book."""
         chapters = self.chapters.values()
         return {part: [c for c in chapters if c.number in of] for part, of in PARTS.items()}
 
     def problems_for(self, stem: str, objective: str) -> list[str]:
+        """Name the problems that practise an objective of a chapter."""
         return [task.id for task in self.tasks if (stem, objective) in self.objectives_of(task.id)]
 
     def chapters_of(self, task: Task) -> list[Chapter]:
+        """Give the chapters that a problem belongs to."""
         stems = dict.fromkeys(stem for stem, _ in self.objectives_of(task.id))
         return [self.chapters[stem] for stem in stems]
 
