@@ -6,6 +6,7 @@ seconds. It knows no more than a kernel does, and nothing of the graders, see `k
 
 import gc
 import json
+import signal
 import subprocess
 import sys
 from collections.abc import Callable, Mapping
@@ -81,6 +82,14 @@ class Kernel(psutil.Process):  # type: ignore[misc]
         """Send a signal, if it has not ended."""
         with suppress(psutil.NoSuchProcess):
             super().send_signal(number)
+
+    def terminate(self) -> None:
+        """Ask it to end."""
+        self.send_signal(signal.SIGTERM)
+
+    def kill(self) -> None:
+        """End it."""
+        self.send_signal(signal.SIGKILL)
 
 
 class Provisioner(LocalProvisioner):

@@ -88,13 +88,21 @@ class Records:
 
     def add(self, submission: Submission, reason: str = "", seconds: float = 0.0) -> Record:
         """Enter a submission, in the place of an earlier one of the same student and set."""
-        student, moment = submission.student, submission.handed_in
-        entry: Record = {"folder": self.folder_of(student), "code": self.code_of(student)}
-        entry |= {key: getattr(submission, key) for key in ("student", "set", "group", "remarks")}
-        entry |= {k: getattr(submission.owner, k) for k in ("platform", "identifier", "back")}
-        entry |= {"reason": reason, "seconds": round(seconds, 1)}
-        entry["handed in"] = moment.isoformat() if moment else ""
-        key = (student, submission.set)
+        entry = {
+            "student": submission.student,
+            "folder": self.folder_of(submission.student),
+            "set": submission.set,
+            "group": submission.group,
+            "remarks": submission.remarks,
+            "reason": reason,
+            "platform": submission.owner.platform,
+            "identifier": submission.owner.identifier,
+            "back": submission.owner.back,
+            "handed in": submission.handed_in.isoformat() if submission.handed_in else "",
+            "seconds": round(seconds, 1),
+            "code": self.code_of(submission.student),
+        }
+        key = (submission.student, submission.set)
         others = [old for old in self.entries if (old["student"], old["set"]) != key]
         self.entries = sorted([*others, entry], key=lambda e: (e["student"], e["set"]))
         return entry
