@@ -77,7 +77,7 @@ test: $(READY) ## run the checks of every change, the notebooks among them
 
 thorough: $(READY) ## run what takes longer: browsers, graded classes, wide random searches
 	$(PYTEST) -m thorough tests nrdob book/nrdob_course --doctest-modules
-	$(OLD_PROCESSOR) $(PYTEST) nrdob book/nrdob_course --doctest-modules
+	$(OLD_PROCESSOR) $(PYTEST) $(NBVAL)/class nrdob book/nrdob_course --doctest-modules
 
 lint: $(READY) layers ## style and formatting, and whether everything stands, and is told, where it belongs
 	$(PY) -m ruff check .
@@ -112,8 +112,9 @@ test-site: $(READY) ## build the book and open every page in a browser, at the w
 notebooks: $(READY) ## run every notebook and compare with the outputs stored in it
 	$(PYTEST) $(NBVAL)
 
-old-notebooks: $(READY) ## run every notebook in the arithmetic of an old processor
-	$(OLD_PROCESSOR) $(PYTEST) $(NBVAL)
+# The cells of the notebooks for class are in the chapters, too, as lint makes sure.
+old-notebooks: $(READY) ## run every chapter in the arithmetic of an old processor
+	$(OLD_PROCESSOR) $(PYTEST) $(NBVAL) --ignore=notebooks/class
 
 pages: $(READY) ## write what is made and stored: pages for teachers, questions in the chapters, the runs
 	$(PY) book/make/teaching.py

@@ -51,7 +51,7 @@ def test_every_candidate_keeps_to_the_limits_and_is_at_one_of_them(number):
         assert max(row.ms / 1.6, sqrt(row.noise_u) / deviation) > 1 - 1e-6
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 def test_the_numbers_are_those_of_the_loop():
     loop, found = examples(4)
     row = found["as printed"]

@@ -97,7 +97,7 @@ def test_modulus_margin_is_the_smallest_distance_on_a_dense_grid(loop):
     assert found.ms == pytest.approx(1 / found.sm)
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 @given(loops())
 @settings(max_examples=40)  # hundreds in tests/campaigns/margins.py
 def test_the_loop_keeps_its_roots_inside_the_gain_interval_and_loses_them_outside(loop):

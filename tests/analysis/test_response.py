@@ -562,7 +562,7 @@ def test_a_process_with_lags_1e11_apart_is_certified(seconds):
             assert_close(row, exactly, 1e-9)
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 @pytest.mark.parametrize("input", INPUTS)
 def test_a_filter_far_below_the_dead_time_is_certified(input):
     # The plant's input is next to an impulse and its derivatives: 1e36 for some microseconds.

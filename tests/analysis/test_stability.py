@@ -294,6 +294,7 @@ def test_scales_eleven_decades_apart_are_judged():
         assert found.stable is (rhp_count(whole(loop.p_B.q)[0]) == 0)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("size", [1e-30, 1e30])
 @pytest.mark.parametrize("time", [1e-9, 1e9])
 @pytest.mark.parametrize("gain", [1e-12, 1e12])

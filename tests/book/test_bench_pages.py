@@ -18,6 +18,8 @@ from nrdob.design import gain_bound, right_half_plane_parity
 from nrdob.digital import SampledLoop
 from nrdob.drives import Drive, Encoder, Friction, OneMass
 
+pytestmark = pytest.mark.thorough
+
 TEACHING = Path(__file__).resolve().parents[2] / "book" / "teaching"
 s = ct.tf("s")
 
@@ -107,7 +109,6 @@ def lab(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, dict[str, Any]]
     return folder, space
 
 
-@pytest.mark.thorough
 def test_the_bench_lab_leads_to_a_loop_that_holds(lab: tuple[Path, dict[str, Any]]) -> None:
     _, space = lab
     found, loop = space["found"], space["loop"]
@@ -117,7 +118,6 @@ def test_the_bench_lab_leads_to_a_loop_that_holds(lab: tuple[Path, dict[str, Any
     assert found.process.tf.dcgain() == pytest.approx(1.0, rel=0.15)  # 0.2/0.2, less dry friction
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("name", COMPILERS)
 def test_the_program_of_the_bench_lab_compiles(lab: tuple[Path, dict[str, Any]], name: str) -> None:
     folder, _ = lab

@@ -185,6 +185,7 @@ def test_the_sampled_loop_is_judged_as_by_the_package(tab: Any) -> None:
     assert seen == {True, False}
 
 
+@pytest.mark.thorough
 def test_the_bar_of_the_sampled_loop_is_the_set_of_the_package(tab: Any) -> None:
     rng = np.random.default_rng(31)
     low, high = 0.0005, 0.5

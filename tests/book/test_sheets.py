@@ -45,7 +45,7 @@ def test_each_set_has_its_page_and_its_solutions_apart(printed: dict[str, Beauti
     assert printed.keys() == pages | {"boards"}
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 @each_set
 def test_every_problem_is_on_both_pages(printed: dict[str, BeautifulSoup], name: str) -> None:
     posed = [task.id for each in PACK.sets if each.name == name for task in each.tasks]

@@ -60,7 +60,7 @@ from predictions import read_questions
 from statements import theorems_of
 
 # The whole book is built.
-pytestmark = pytest.mark.slow
+pytestmark = pytest.mark.thorough
 
 ROOT = Path(__file__).resolve().parents[2]
 REFERENCE_PAGES = {
@@ -160,7 +160,6 @@ def is_external(address: str) -> bool:
     return bool(parts.netloc) or parts.scheme in {"http", "https", "ftp"}
 
 
-@pytest.mark.thorough
 def test_the_ledger_is_in_order(ledger_run: Run) -> None:
     code, said = ledger_run
     assert code == 0, said
@@ -190,7 +189,6 @@ def test_the_pages_for_teachers_are_in_order(teaching_run: Run) -> None:
     assert code == 0, said
 
 
-@pytest.mark.thorough
 def test_every_page_is_there(site: Path) -> None:
     chapters = {f"chapters/{path.stem}" for path in (ROOT / "notebooks").glob("*.ipynb")}
     assert chapters, "there are no notebooks, so there is no book"
@@ -202,7 +200,6 @@ def test_every_page_is_there(site: Path) -> None:
     assert not missing, f"pages not built: {missing}"
 
 
-@pytest.mark.thorough
 def test_every_chapter_can_be_reached_from_the_front_page(pages: dict[Path, BeautifulSoup]) -> None:
     front = next(page for path, page in pages.items() if path.name == "index.html")
     links = {str(link["href"]).split("#")[0] for link in front.select("article a[href]")}
@@ -280,7 +277,6 @@ def test_a_picture_of_a_chapter_opens_by_itself(pages: dict[Path, BeautifulSoup]
             assert link and link["href"] == image["src"], (path.name, image["alt"])
 
 
-@pytest.mark.thorough
 def test_links_inside_the_book_lead_somewhere(pages: dict[Path, BeautifulSoup]) -> None:
     anchors = {path.resolve(): {tag["id"] for tag in page(id=True)} for path, page in pages.items()}
     dead = []
@@ -634,7 +630,6 @@ def looks(seen: Opened) -> Looks:
     return seen.phone
 
 
-@pytest.mark.thorough
 def test_wider_darker_and_unfolded_nothing_is_cut_or_distorted(seen: Opened) -> None:
     assert {view: look.amiss for view, look in seen.other.items() if look.amiss} == {}
 
@@ -757,7 +752,6 @@ def in_turn(tab: Any) -> Slid:
     return Slid(slides, cut, hidden, {width: on(width, 740, "", HEIGHTS) for width in (360, 800)})
 
 
-@pytest.mark.thorough
 def test_on_a_phone_verdict_and_plot_are_seen_beside_every_slider(slid: dict[str, Slid]) -> None:
     assert {page: seen.hidden for page, seen in slid.items()} == {page: [] for page in MOVED}
 
@@ -768,7 +762,6 @@ def test_nothing_jumps_while_a_slider_moves(slid: dict[str, Slid], width: int) -
     assert {page: found for page, found in heights.items() if len(found) > 1} == {}
 
 
-@pytest.mark.thorough
 def test_pages_with_sliders_can_be_enlarged(site: Path, slid: dict[str, Slid], opened: Any) -> None:
     """Twice as large on a screen of 1280 pixels, and with letters alone twice as large."""
     screen = {"viewport": {"width": 640, "height": 400}, "device_scale_factor": 2}
@@ -811,7 +804,6 @@ def test_with_forced_colours_what_differs_is_told_apart(site: Path, opened: Any)
             assert len(set(drawn)) == len(drawn), (colours, name, drawn)
 
 
-@pytest.mark.thorough
 def test_the_tab_key_reaches_the_sliders_by_one_link(site: Path, opened: Any) -> None:
     tab = opened.new_page()
     tab.goto((site / "chapters" / "05_how_slow_must_the_filter_be.html").as_uri())
@@ -851,7 +843,6 @@ SIZES = """() => {
 }"""
 
 
-@pytest.mark.thorough
 def test_code_is_as_large_as_the_text(site: Path, opened: Any) -> None:
     tab = opened.new_page()
     tab.goto((site / "chapters" / "05_how_slow_must_the_filter_be.html").as_uri())
@@ -862,7 +853,6 @@ def test_code_is_as_large_as_the_text(site: Path, opened: Any) -> None:
         assert found["block"] >= block and found["columns"] >= columns, (width, found)
 
 
-@pytest.mark.thorough
 @pytest.mark.parametrize("page", ["teaching/syllabus", "chapters/11_rules"])
 def test_a_table_that_goes_on_has_a_shadow_there(site: Path, opened: Any, page: str) -> None:
     tab = opened.new_page(viewport={"width": 360, "height": 740})
@@ -976,7 +966,6 @@ def searched(site: Path, opened: Any) -> dict[str, list[tuple[str, str]]]:
         }
 
 
-@pytest.mark.thorough
 def test_the_search_leads_a_student_to_the_right_chapter_first(
     searched: dict[str, list[tuple[str, str]]],
 ) -> None:
@@ -1062,7 +1051,6 @@ def code(page: BeautifulSoup, on_paper: bool) -> set[str]:
     return {line for line in found if len(line) > 20}
 
 
-@pytest.mark.thorough
 @pytest.mark.parametrize(
     "name", ["05_how_slow_must_the_filter_be", "13_limits", "19_on_a_processor"]
 )

@@ -163,6 +163,7 @@ def test_each_question_is_a_stack_of_three_slides(folder: Path, deck: Path) -> N
         assert len(stack[2].select(".fragment")) == 2
 
 
+@pytest.mark.thorough
 @each_deck
 def test_no_code_on_slides(folder: Path, deck: Path) -> None:
     soup = page(folder, deck)

@@ -169,6 +169,7 @@ def test_a_broken_notebook_is_named_and_the_others_are_graded(
     assert any("eve set2" in text and fault in text for text in said)
 
 
+@pytest.mark.thorough
 def test_a_broken_one_that_comes_later_costs_nothing(good: str, said: Said, tmp_path: Path) -> None:
     for text in (good, "{"):
         write(tmp_path / "in", {f"anna/{NAME}.ipynb": text})
@@ -196,6 +197,7 @@ CELLS: dict[str, tuple[str, dict[str, Any], str]] = {
 }
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("name", CELLS)
 def test_what_stands_in_a_cell_costs_nobody_else_anything(
     name: str, good: str, said: Said, tmp_path: Path
@@ -328,6 +330,7 @@ def test_a_bad_roster_or_setting_is_named_before_anything_is_graded(
 # --- what the grading itself has written --------------------------------------------------------
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(
     ("file", "content", "fault"),
     [

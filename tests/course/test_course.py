@@ -51,7 +51,7 @@ from nrdob_course.grading.autograde import course
 from nrdob_course.grading.written import WRITTEN as COLUMNS
 
 # Every test runs nbgrader and kernels; nbgrader quarrels with its own database.
-pytestmark = [pytest.mark.slow, pytest.mark.filterwarnings("ignore:Object of type")]
+pytestmark = [pytest.mark.thorough, pytest.mark.filterwarnings("ignore:Object of type")]
 walled = pytest.mark.skipif(bool(sandbox.missing()), reason="there is no sandbox on this system")
 
 REFUSED = {

@@ -802,6 +802,7 @@ def filled(data: Any, value: float) -> Any:
     return value
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("value", [1e308, 1.7e308])
 @each_problem
 def test_numbers_whose_sums_overflow_earn_nothing(this: Posed, value: float) -> None:

@@ -33,6 +33,7 @@ def test_a_neglected_lag_costs_the_disturbance_and_not_the_noise(seed: int) -> N
     assert error == pytest.approx((lag + value) / 2)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("group", GROUPS)
 def test_the_lowest_order_is_the_fastest_and_is_lost_first(group: int) -> None:
     case = own_case("4.2", group)

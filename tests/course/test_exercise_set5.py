@@ -76,6 +76,7 @@ def test_every_order_above_the_lowest_refutes_the_advice(case: Any) -> None:
         assert accepts(ADVICE, case, (model, float(3 + lags))) is True
 
 
+@pytest.mark.thorough
 @each_case(DESIGN, 4)
 def test_other_designs_count_as_well(case: Any) -> None:
     k, p, a = case.gain, case.pole, case.decay

@@ -41,6 +41,7 @@ def test_the_lag_must_be_shorter_than_half_the_time_of_the_unstable_pole(seed: i
         assert high == pytest.approx(g / p * (1 - 2 * share) / (1 - share))
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("group", GROUPS)
 def test_the_project_is_about_one_plant(group: int) -> None:
     figure, project = own_case("6.2", group), own_case("6.6", group)

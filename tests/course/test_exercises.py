@@ -197,6 +197,7 @@ def test_everyone_has_another_case(this: Posed) -> None:
     assert any(str(own_case(this.id, group)) != text for group in others)
 
 
+@pytest.mark.thorough
 @each_problem
 def test_cases_can_be_read(this: Posed) -> None:
     for group in range(1, 4):

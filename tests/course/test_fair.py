@@ -134,6 +134,7 @@ def test_a_minus_between_the_two_terms_is_told() -> None:
     assert check("1.3", mistaken, 3).recognised == "minus between the two terms"
 
 
+@pytest.mark.thorough
 def test_decibels_are_not_told_that_they_went_beyond_a_margin() -> None:
     for group in range(1, 9):
         found = judged("3.5", in_decibels, group)
@@ -143,6 +144,7 @@ def test_decibels_are_not_told_that_they_went_beyond_a_margin() -> None:
         assert not accepts(PROBLEMS["3.5"], case, beyond)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(
     ("id", "gap", "share"),
     [
@@ -166,6 +168,7 @@ def test_nan_for_every_filter_earns_nothing() -> None:
 # --- how an answer may be written ---------------------------------------------------------------
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(
     ("id", "dress"),
     [
@@ -217,6 +220,7 @@ def tells_by_name(case: Any) -> Any:
     raise type(f"E{name}", (Exception,), {})
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("otherwise", [lambda case: 17.25, tells, tells_by_name, lambda case: None])
 @pytest.mark.parametrize("id", ["1.1", "1.3", "2.1", "4.1", "5.3"])
 def test_nothing_of_a_hidden_case_is_said(id: str, otherwise: Answer) -> None:

@@ -394,6 +394,7 @@ def test_a_group_is_a_short_text(value: Any, group: str) -> None:
 # --- what is handed out --------------------------------------------------------------------------
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("path", SETS, ids=lambda path: path.stem)
 def test_no_answer_is_handed_out(path: Path) -> None:
     given = handout([this.id for this in posed(path)], 5)

@@ -355,7 +355,7 @@ def assert_only_the_late_page_says_so(target: Path, marked: float) -> None:
     assert f"Points before the rule: {marked:g} of {marked:g}; after it: {0.8 * marked:g}." in page
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 def test_what_was_graded_stays_when_a_late_one_comes_alone(
     notebook: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -14,7 +14,7 @@ from nrdob_course.grading.release import solved
 from problemsets import SETS, SOURCE, cells, nbgrader, posed
 
 # nbgrader gives out every set; it quarrels with its own database.
-pytestmark = [pytest.mark.slow, pytest.mark.filterwarnings("ignore:Object of type")]
+pytestmark = [pytest.mark.thorough, pytest.mark.filterwarnings("ignore:Object of type")]
 
 
 @pytest.fixture(scope="module")
@@ -27,7 +27,6 @@ def released(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return tmp_path_factory.getbasetemp() / "first" / "release"
 
 
-@pytest.mark.thorough
 def test_releasing_twice_gives_the_same_bytes(released: Path) -> None:
     files = [path.relative_to(released) for path in released.rglob("*") if path.is_file()]
     assert {path.suffix for path in files} >= {".ipynb", ".zip"}
@@ -53,7 +52,6 @@ def test_the_release_holds_neither_solutions_nor_hidden_tests(path: Path, releas
     assert not any(cell.get("outputs") for cell in given_out.values())
 
 
-@pytest.mark.thorough
 def test_the_solutions_run_and_hold_no_hidden_tests() -> None:
     text = solved(PATH)
     assert "HIDDEN" not in text and "BEGIN SOLUTION" not in text

@@ -217,6 +217,7 @@ def _records(graded: Class) -> Path:
     return graded.target / "submissions.json"
 
 
+@pytest.mark.thorough
 def test_pictures_are_in_the_page(school: Class, notebook: Any, tmp_path: Path) -> None:
     cell_of(notebook, WRITTEN[0]).source = "![](page.png) ![](attachment:a.png)"
     cell_of(notebook, WRITTEN[0]).attachments = {"a.png": {"image/png": "QUJD"}}
@@ -228,6 +229,7 @@ def test_pictures_are_in_the_page(school: Class, notebook: Any, tmp_path: Path) 
     assert 'src="data:image/png;base64,QUJD"' in text
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(
     "shown",
     ["![](attachment:a.png)", "![][r]", "![](attachment\\:a.png)", "![](attachment:lost.png)"],

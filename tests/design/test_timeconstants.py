@@ -445,7 +445,7 @@ def test_waiting_makes_example_4_stable_for_every_filter_and_a_wrong_wait_does_n
     assert low > floor and high == inf
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 def test_sets_of_models_that_wait_end_where_verdicts_change():
     rng = np.random.default_rng(0)
     ends = 0

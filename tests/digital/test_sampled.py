@@ -90,7 +90,7 @@ def certified(num, den, delay, dt, omega):
         return complex((C * state)[0] + num[0] / z), complex((z - 1) / (z + 1) * 2 / dt)
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 @pytest.mark.parametrize("dt", [1.0, 1e-2, 1e-5])
 @pytest.mark.parametrize("part", [0.0, 0.625])
 @pytest.mark.parametrize(
@@ -271,6 +271,7 @@ def test_an_argument_that_turns_with_the_dead_time_is_followed(size):
         assert count_outside(CircleFunction(parts)).count == (samples if size < 1 else 0)
 
 
+@pytest.mark.thorough
 def test_a_delayed_model_of_ten_thousand_samples_is_counted():
     model = nrdob.delay(10.0) / (20.5 * s + 1)
     loop = nrdob.NRDOB(LATE, model, (20 * s + 1) / (40 * s), nrdob.LowPassFilter(2.0, 1))
@@ -342,6 +343,7 @@ def test_it_does_so_where_another_crossing_is_200_samples_off():
     assert sampled.margins().delay_margin == pytest.approx(0.7 * 0.035 + 0.035, rel=1e-6)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(
     ("lag", "lam", "dt"), [(0.0, 1.0, 0.05), (0.0, 2.0, 0.2), (0.01, 1.0, 0.1), (0.1, 1.0, 0.2)]
 )

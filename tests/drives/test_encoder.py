@@ -62,7 +62,7 @@ def test_the_verdict_holds_in_two_ways_and_its_loop_is_what_is_simulated(estimat
     assert root == pytest.approx(verdict.spectral_radius, abs=2e-4)
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 def test_as_the_lag_falls_each_estimate_becomes_unstable_where_the_verdict_says():
     for estimate in ESTIMATES:
         low, high = 1e-4, 0.1

@@ -191,7 +191,7 @@ def test_intervals_hold_the_gain_where_a_wave_drowns_the_noise(case):
     assert gain.high - gain.low < 0.2 * abs(gain.value)
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 def test_a_search_does_not_end_with_the_wrong_sign_of_a_slow_plant():
     # Ten blocks, hardly any noise, not at rest: gain -0.96 and 43 samples for 3 before.
     rng = np.random.default_rng(0)
@@ -434,6 +434,7 @@ def test_what_a_pulse_of_the_input_does_is_no_spike(wide, late):
     assert checked_record(times, u, y).free.all()
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("lasting", [2, 3, 4, 6, 10])
 @pytest.mark.parametrize("written", [0.0, 90.0, "noise"])
 def test_a_sensor_that_fails_for_some_samples_is_told_and_does_not_pull(lasting, written):
@@ -497,7 +498,7 @@ def test_a_sample_off_by_less_than_y_usually_moves_is_no_outlier():
     assert "y has an outlier," in told(t, u, y)[0]
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 def test_what_a_sensor_rounds_and_a_table_interpolates_is_no_outlier():
     inputs = (np.arange(600) > 60).astype(float)
     t, u, y = lag(inputs, noise=0.0)
@@ -506,7 +507,7 @@ def test_what_a_sensor_rounds_and_a_table_interpolates_is_no_outlier():
     assert not [each for each in identify(t, u, y).remarks if "outliers" in each]
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 @pytest.mark.parametrize("drift", [0.0, 1.0, -3.0])
 def test_a_steady_drift_is_told_with_its_size(drift):
     t, u, y = lag(switched(800))
@@ -636,6 +637,7 @@ def test_a_gain_that_need_not_be_there_may_be_zero():
 SQUARE = np.where(np.arange(1400) // 20 % 2 == 0, 1.0, -1.0)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(
     ("begins", "late", "told"),
     [

@@ -333,7 +333,7 @@ def test_a_coarse_sensor_and_a_plant_without_lag_are_not_taken_for_cut_off():
     assert checked_record(t, np.sign(np.sin(t**1.3)), 2 * np.sign(np.sin(t**1.3))).free.all()
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 def test_units_of_u_and_y_do_not_matter():
     t, u, y = heated_air()
     plain = of_heated_air("two lags with dead time")
@@ -443,7 +443,7 @@ def test_small_matrices_do_not_wait_for_other_threads(monkeypatch):
         assert seen == [{1}] and threads() == {2}
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 def test_a_resonance_that_is_fast_against_a_long_record_is_found():
     # Nine samples a period, and 20,000 samples: in means over ten of them nothing is left of it.
     rng = np.random.default_rng(0)

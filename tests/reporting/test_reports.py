@@ -348,7 +348,7 @@ def test_no_loop_rests_on_a_process_that_the_record_denies():
     assert "No loop is proposed, because the gain of the process may be zero." in found.verdict
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 def test_a_loop_that_fails_on_what_the_record_does_not_exclude_is_the_headline():
     unlike = replace(slow_record(), corners={"gain low": -2 / (s + 1)})
     found = nrdob.report(unlike)
@@ -379,7 +379,7 @@ def test_a_part_that_cannot_be_written_is_a_warning(monkeypatch):
     assert found.mood == "open" and "What it does" in found.verdict and "no ink" in found.verdict
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 def test_a_report_is_an_object_that_holds_what_it_found(tmp_path):
     parts = []
     found = nrdob.report(nrdob.delay(1) * ct.tf([1], [10, 1]), progress=parts.append)
@@ -394,7 +394,7 @@ def test_a_report_is_an_object_that_holds_what_it_found(tmp_path):
     assert "svg" not in repr(found)
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 def test_a_report_on_a_record_holds_the_identification():
     found = nrdob.report(slow_record())
     assert found.identification is slow_record()
@@ -492,7 +492,7 @@ def test_the_command_tells_how_it_is_used(capsys):
     assert left.value.code == 2
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 def test_a_model_that_keeps_its_integrator_gets_the_filter_that_was_compared():
     """1 - F ~ s^2 then: nothing is left of a constant disturbance at the input."""
     proposal = propose(nrdob.delay(1.0) * ct.tf([1], [1, 0]))
@@ -502,7 +502,7 @@ def test_a_model_that_keeps_its_integrator_gets_the_filter_that_was_compared():
     assert proposal.loop.margins().plant_loop.ms < 2.001
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 def test_a_resonance_gets_a_controller_that_does_not_make_it_swing():
     loop = propose(ct.tf([1], [1, 0.02, 1])).loop
     assert loop.margins().model_loop.ms < 2.001
@@ -548,6 +548,7 @@ def section(loop, title, **given):
     return dict(sections_of(loop, **given))[title]()
 
 
+@pytest.mark.thorough
 def test_a_peak_in_the_first_moment_is_told():
     C = (100 * s + 0.001) / (s * (0.001 * s + 1))
     loop = nrdob.NRDOB(1 / (s + 1), 1 / (s + 1), C, nrdob.LowPassFilter(0.1, 1))
@@ -562,7 +563,7 @@ def test_a_gain_next_to_the_limit_is_not_told_as_one():
     assert "if the gain of the plant rises: times 1.00022 is too much" in told  # 9/8.998
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 def test_a_response_that_cannot_be_computed_to_its_end_is_told_to_go_on():
     lag = 1 / (s + 1) ** 10
     loop = nrdob.NRDOB(lag, lag, 0.02 / s, nrdob.LowPassFilter(1.0, 10))
