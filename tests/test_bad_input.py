@@ -159,6 +159,7 @@ def test_a_model_that_waits_is_taken(role):
     assert DOORS[role](nrdob.delay(0.1) * PLANT) is not None
 
 
+@pytest.mark.slow
 def test_no_dead_time_is_no_dead_time():
     Gm = 10 / (s + 2)
     G = 0.1 * (100 - s) / (s + 2)

@@ -74,6 +74,7 @@ def test_crossings_of_a_loop_with_time_scales_far_apart_are_found():
     assert found.pm == pytest.approx(62.7075, abs=1e-3)
 
 
+@pytest.mark.slow
 def test_poles_of_the_loop_gain_on_the_axis_are_no_crossings():
     loop = nrdob.NRDOB(1 / (s**2 + 1), 1 / (s**2 + 1.1), 1 / (s + 1), LowPassFilter(0.5, 2))
     every = loop.margins()

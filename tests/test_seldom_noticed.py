@@ -126,6 +126,7 @@ def test_a_process_is_known_by_what_makes_it_hard(process: object, said: str) ->
     assert not any(said in sentence for sentence in character(1 / (s + 1)))
 
 
+@pytest.mark.slow
 def test_a_refusal_names_the_orders_that_were_tried() -> None:
     third = nrdob.paper.example(3, modified=True)
     with pytest.raises(ValueError, match=r"no filter of order 2 or 3 or 4 meets Ms ≤ 1.05"):

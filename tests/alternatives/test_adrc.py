@@ -54,6 +54,7 @@ def test_the_filter_keeps_the_lowest_terms_of_its_denominator(order):
         np.testing.assert_allclose(found, np.array(expected, dtype=float), rtol=1e-13)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("order", [1, 2])
 def test_the_reference_arrives_as_by_adrc_behind_a_prefilter(order):
     _, prefilter, symbols = eliminated(order)
@@ -160,6 +161,7 @@ def test_b0_has_the_sign_of_the_process():
         assert (least, most) == pytest.approx((-high, -low), rel=1e-9)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("order", [1, 2])
 def test_with_dead_time_every_end_is_where_a_count_changes(order):
     G = delay(0.07) * 5 / ((s + 0.5) * (0.1 * s + 1))
@@ -193,6 +195,7 @@ def test_the_phase_of_an_integrator_with_dead_time_gives_the_largest_bandwidth()
     assert angle == pytest.approx(omega * theta, rel=1e-8)
 
 
+@pytest.mark.slow
 def test_the_chart_counts_what_single_loops_have():
     G = delay(0.1) / s
     chart = adrc_chart(G, 1, 2.0, observer_bandwidth=(1, 100), b0=(0.2, 20), ms=(2.0,))

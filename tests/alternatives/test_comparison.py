@@ -157,6 +157,7 @@ def test_reasons_are_text_in_the_html():
     assert "&lt;b&gt;" in found._repr_html_() and "<b>" not in found._repr_html_()
 
 
+@pytest.mark.slow
 def test_limits_that_do_not_limit_are_named():
     loop = nrdob.paper.example(1)
     each = candidates(loop.process, loop.model, loop.controller, 2)
@@ -195,6 +196,7 @@ def test_a_loop_that_is_all_but_unstable_is_no_error():
     assert row.stable and row.reason.startswith("stable, but ")
 
 
+@pytest.mark.slow
 def test_c_alone_is_held_back_by_the_process_and_not_by_the_model():
     process = ct.tf([1.257, 2.864], [0.3166, 2.012, 2.685, 1])
     model, C = ct.tf([2.864], [0.3166, 2.012, 2.685, 1]), ct.tf([0.99, 0.686], [1, 0])

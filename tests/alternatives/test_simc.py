@@ -14,6 +14,7 @@ from nrdob.alternatives import half_rule, simc_pi, simc_pid
 s = ct.tf("s")
 
 
+@pytest.mark.slow
 def test_the_rule_makes_the_reference_arrive_as_asked():
     S, k, t1, t2, tc, theta = sp.symbols("S k t1 t2 tc theta", positive=True)
     undelayed = k / ((t1 * S + 1) * (t2 * S + 1))

@@ -70,6 +70,7 @@ def test_a_nearest_point_exactly_on_a_frequency_that_is_looked_at_is_found(k, ze
     assert found.disk_margin == pytest.approx(min(2 * (1 - k) / (1 + k), 2), rel=1e-9)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("lam", "extra"), [(0.5, 1), (1, 0.5), (1, 2), (2, 1), (0.25, 2)])
 @pytest.mark.parametrize("lag", [1.0, 1e-3, 60.0])
 def test_a_lag_that_the_model_lacks_has_its_peak_whatever_the_numbers(lag, lam, extra):
@@ -311,6 +312,7 @@ def test_the_peak_of_eight_lags_of_a_minute_is_that_of_a_sweep():
     assert found.ms == pytest.approx(1.6549, abs=5e-5)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("gain", [1e-9, 1e9])
 def test_eight_lags_have_the_same_margins_in_any_unit_of_their_output(gain):
     for name in ("model_loop", "observer_loop", "plant_loop"):
@@ -328,6 +330,7 @@ def test_margins_beside_hardly_damped_modes_are_right_to_nine_digits(seed):
             assert not missed(found, gain, omega, rtol=2e-9)
 
 
+@pytest.mark.slow
 def test_a_resonance_far_beyond_a_long_dead_time_bounds_the_gain():
     # |L| falls below 1 at once, and rises to 0.0995 at 100 rad/s, 32 turns of the dead time away.
     L = nrdob.delay(2.0) * 0.1 * (1 / (10 * s + 1) + 1e-4 * s / (1e-4 * s**2 + 2e-3 * s * 0.05 + 1))
@@ -509,6 +512,7 @@ def test_encirclements_of_a_transfer_function_are_controls():
 # The symmetric disk margin.
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("number", [1, 2, 3])
 @pytest.mark.parametrize("name", ["CGm", "FH", "L"])
 def test_the_disk_margin_is_controls_on_a_dense_grid(number, name):

@@ -199,6 +199,7 @@ def test_random_stable_loops_equal_control(p1, p2, zero, gain, off, lam, input):
         assert_equals_control(loop, input, np.linspace(0, 3, 31), 1e-8)
 
 
+@pytest.mark.slow
 def test_data_is_shaped_as_control_shapes_one_input_and_two_outputs():
     two_outputs = ct.ss([[-1.0]], [[1.0]], [[1.0], [2.0]], [[0.0], [0.0]])
     times = np.linspace(0, 1, 11)
@@ -384,6 +385,7 @@ def test_ramp_follows_the_reference_with_the_lag_of_the_integrator():
     assert u[-1] - u[-2] == pytest.approx(0.1, rel=1e-8)
 
 
+@pytest.mark.slow
 def test_long_records_use_the_fft_and_agree_with_direct_sums():
     rng = np.random.default_rng(0)
     signal = rng.normal(size=12_000)
@@ -576,6 +578,7 @@ def test_a_filter_far_below_the_dead_time_is_certified(input):
         assert_close(row, exactly, 1e-9)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("input", INPUTS)
 def test_a_dead_time_far_below_everything_is_as_good_as_its_transform(input):
     loop = delayed_lag(1e-7)

@@ -71,6 +71,7 @@ def test_random_verdicts_are_those_of_an_independent_count():
     assert {(1, True), (1, False), (2, True), (2, False)} <= seen
 
 
+@pytest.mark.slow
 def test_random_verdicts_neutral_ones_included_are_those_of_ball_arithmetic():
     rng = np.random.default_rng(12)
     neutral = 0
@@ -122,6 +123,7 @@ def test_one_delayed_term_that_outweighs_all_others_makes_endless_chains():
 # Margins.
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("wait", [0.02, 0.05, 0.08, 0.4, 1.0])
 def test_a_gain_beside_the_margin_is_on_the_side_that_the_margin_says(wait):
     margins = example_4(wait).margins().plant_loop
@@ -149,6 +151,7 @@ def test_the_sensitivity_peak_is_the_highest_of_a_dense_grid(wait):
     assert np.abs(loop.S_d(1j * omega)).max() == pytest.approx(margins.ms, rel=1e-9)
 
 
+@pytest.mark.slow
 def test_near_poles_of_the_predictor_are_not_missed():
     # 1 - F exp(-jωθm) nearly vanishes at every turn of a long θm within F's bandwidth.
     loop = nrdob.NRDOB(
@@ -317,6 +320,7 @@ def test_an_exact_integrating_model_leaves_the_poles_of_the_filter_and_a_wrong_o
         assert abs(value) < 1e-12
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("leak", [0.0, 0.2])
 def test_a_constant_input_disturbance_leaves_something_unless_one_more_zero_is_taken(
     leak,
@@ -410,6 +414,7 @@ def test_the_diagram_marched_with_a_memory_answers_so_and_with_two_integrators_i
     assert kept.stable is False and "keep_factors=False" in kept.reason
 
 
+@pytest.mark.slow
 def test_a_gain_beside_the_margin_of_an_integrating_loop_is_on_the_side_that_the_margin_says():
     def loop(gain):
         G = nrdob.delay(0.9) * (1.2 * gain) / (s + 0.2)
@@ -467,6 +472,7 @@ def test_an_integrator_is_met_exactly_and_another_pole_on_the_right_is_refused_w
         nrdob.interpolating_filter(nrdob.delay(0.5) / (s - 2), 0.2)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("order", [1, 2, 3])
 @pytest.mark.parametrize("time_constant", [1e-3, 3e-4])
 def test_a_filter_far_too_fast_for_an_integrating_model_is_decided_by_two_ways(

@@ -15,6 +15,7 @@ from nrdob_course.claims import LEDGER
 ROOT = Path(__file__).resolve().parents[2]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("latex", "letters"),
     [

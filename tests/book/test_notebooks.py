@@ -244,6 +244,7 @@ def test_one_figure_to_a_cell(path: Path) -> None:
         assert len(figures) <= 1, f"{path.name}: {short(cell)} shows {len(figures)} figures"
 
 
+@pytest.mark.slow
 def test_figure_names_are_unique() -> None:
     names = [
         cell.metadata["mystnb"]["figure"]["name"]
@@ -319,6 +320,7 @@ def test_answers_are_folded_and_their_first_line_gives_nothing_away(path: Path) 
             assert cell.source.count("<details>") == cell.source.count("</details>"), short(cell)
 
 
+@pytest.mark.slow
 def test_every_figure_of_the_paper_is_reproduced_and_named_after_it():
     found = {
         int(match.group(1))

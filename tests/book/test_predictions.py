@@ -27,6 +27,7 @@ def test_every_chapter_holds_its_question_as_it_is_asked_in_class() -> None:
         assert [cell.metadata[KEY] for cell in cells if KEY in cell.metadata] == asked
 
 
+@pytest.mark.slow
 def test_a_picture_comes_first_and_the_question_where_it_can_be_answered() -> None:
     for chapter in QUESTIONS:
         cells = nbformat.read(predictions.NOTEBOOKS / f"{chapter}.ipynb", as_version=4).cells
@@ -34,6 +35,7 @@ def test_a_picture_comes_first_and_the_question_where_it_can_be_answered() -> No
         assert 1 < place < len(cells) - 2, chapter
 
 
+@pytest.mark.slow
 def test_a_notebook_holds_the_figures_of_its_question() -> None:
     for chapter, question in QUESTIONS.items():
         cells = nbformat.read(predictions.NOTEBOOKS / f"{chapter}.ipynb", as_version=4).cells

@@ -46,6 +46,7 @@ def built(folder: Path, theme: str = "basic") -> Path:
     return folder / "html"
 
 
+@pytest.mark.slow
 def test_a_published_book_names_its_place(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("NRDOB_SITE", ADDRESS)
     monkeypatch.syspath_prepend(str(EXT))
@@ -65,6 +66,7 @@ def test_a_published_book_names_its_place(tmp_path: Path, monkeypatch: pytest.Mo
     assert links == [f"{ADDRESS}/", f"{ADDRESS}/search.html"]
 
 
+@pytest.mark.slow
 def test_a_book_on_a_disk_names_none(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.delenv("NRDOB_SITE", raising=False)
     site = built(tmp_path)

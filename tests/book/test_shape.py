@@ -158,6 +158,7 @@ def test_a_picture_behind_other_text_stays_where_it_is() -> None:
     assert [cell["id"] for cell in cells] == ["opening", "text", "turn"]
 
 
+@pytest.mark.slow
 def test_every_chapter_that_is_read_through_opens_with_a_picture() -> None:
     without = []
     for path in sorted((ROOT / "notebooks").glob("*.ipynb")):

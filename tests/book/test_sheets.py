@@ -18,6 +18,9 @@ SETS = [each.name for each in PACK.sets]
 
 each_set = pytest.mark.parametrize("name", SETS)
 
+# Every set is printed.
+pytestmark = pytest.mark.thorough
+
 
 @pytest.fixture(scope="module")
 def printed(tmp_path_factory: pytest.TempPathFactory) -> dict[str, BeautifulSoup]:
@@ -39,13 +42,11 @@ def lines_of_solutions(name: str) -> list[str]:
     return [line for line in found if len(line) > 20]
 
 
-@pytest.mark.thorough
 def test_each_set_has_its_page_and_its_solutions_apart(printed: dict[str, BeautifulSoup]) -> None:
     pages = {name + end for name in SETS for end in ("", "_solutions")}
     assert printed.keys() == pages | {"boards"}
 
 
-@pytest.mark.thorough
 @each_set
 def test_every_problem_is_on_both_pages(printed: dict[str, BeautifulSoup], name: str) -> None:
     posed = [task.id for each in PACK.sets if each.name == name for task in each.tasks]
@@ -55,7 +56,6 @@ def test_every_problem_is_on_both_pages(printed: dict[str, BeautifulSoup], name:
         ] == posed
 
 
-@pytest.mark.slow
 @each_set
 def test_solutions_are_on_their_own_page_only(printed: dict[str, BeautifulSoup], name: str) -> None:
     assert len(lines_of_solutions(name)) > 5
@@ -103,13 +103,11 @@ def test_each_session_begins_a_sheet(printed: dict[str, BeautifulSoup]) -> None:
     assert drawn[0][0].svg
 
 
-@pytest.mark.thorough
 def test_a_page_is_the_same_each_time(printed: dict[str, BeautifulSoup], tmp_path: Path) -> None:
     assert paper.main(["--output", str(tmp_path)]) == 0
     again = (tmp_path / "boards.html").read_text("utf-8")
     assert BeautifulSoup(again, "html.parser") == printed["boards"]
 
 
-@pytest.mark.thorough
 def test_the_pages_are_written_into_the_folder_that_is_asked_for(tmp_path: Path) -> None:
     assert all(path.parent == tmp_path / "here" for path in paper.write(tmp_path / "here"))

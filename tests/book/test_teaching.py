@@ -85,6 +85,7 @@ def test_every_written_answer_has_its_rubric_and_its_mistakes(task: teaching.Tas
     assert [row[0] for row in rows(section)[1:]] == [f"{points:g}" for points, _ in advice.rubric]
 
 
+@pytest.mark.slow
 def test_misfits_are_noticed() -> None:
     some = next(task.id for task in PACK.tasks if task.written)
     chapters = dict(PACK.chapters)
@@ -104,6 +105,7 @@ def test_misfits_are_noticed() -> None:
             assert pages.render(name, pack=pack, rule=teaching.RULE)
 
 
+@pytest.mark.slow
 def test_the_program_tells_what_is_wrong(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -292,6 +294,7 @@ def test_the_weeks_that_may_be_left_out_are_the_bench_and_only_the_set_of_week_8
         assert needs is (each.name in plan()[8].given_out), each.name
 
 
+@pytest.mark.slow
 def test_what_a_chapter_needs_is_read_before_it() -> None:
     order = [stem for week in weeks().values() for stem in week.read]
     for path in (ROOT / "notebooks").glob("*.ipynb"):

@@ -53,10 +53,12 @@ def test_a_part_that_ends_within_a_sentence_is_named() -> None:
     assert any("'*Without 1:*' that ends within" in fault for fault in faults("17_page", [cut]))
 
 
+@pytest.mark.slow
 def test_the_chapters_keep_the_form() -> None:
     assert faults_of_book(ROOT / "notebooks") == []
 
 
+@pytest.mark.slow
 def test_the_pages_mention_no_theorem_that_is_not_there() -> None:
     there = {
         theorem.number

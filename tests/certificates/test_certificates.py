@@ -132,6 +132,7 @@ def test_stiff_loops_are_proved_with_few_points(spread):
     assert max(map(len, certificate.content["points"].values())) < 300
 
 
+@pytest.mark.slow
 def test_a_gain_interval_is_proved_up_to_its_end():
     loop = example(4)
     low, high = 0.01, loop.margins().plant_loop.gm_high
@@ -220,6 +221,7 @@ def test_a_set_of_time_constants_is_proved_up_to_its_end():
         loop.stability().certificate(time_constants=(high - 0.1 * span, high + 0.001 * span))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("order", [1, 2, 5])
 def test_every_filter_of_an_interval_lies_between_the_ones_of_its_certificate(order):
     # (λs + 1)^n is the Bernstein sum of the denominators, exactly.
@@ -237,6 +239,7 @@ def test_every_filter_of_an_interval_lies_between_the_ones_of_its_certificate(or
     assert found == [math.comb(order, k) * lam ** (order - k) for k in range(order + 1)]
 
 
+@pytest.mark.slow
 def test_intervals_at_once():
     loop = example(4)
     certificate = loop.stability().certificate(
@@ -443,6 +446,7 @@ def test_sampled_loops_with_a_delayed_model_are_counted_as_by_the_verdict(late, 
         verdict.certificate(gains=(1, 100))
 
 
+@pytest.mark.slow
 def test_gains_of_a_sampled_loop_are_proved_up_to_the_margin():
     sampled = example(4).sampled(0.01)
     high = sampled.margins().gm_high
@@ -451,6 +455,7 @@ def test_gains_of_a_sampled_loop_are_proved_up_to_the_margin():
         sampled.stability().certificate(gains=(0.1, 1.001 * high))
 
 
+@pytest.mark.slow
 def test_what_a_sampled_loop_has_no_certificate_for_is_said():
     loop = example(4)
     with pytest.raises(ArithmeticError, match="holds 50 samples"):
@@ -610,6 +615,7 @@ def with_a_dead_time_of_samples() -> Content:
     return content | {"variable": "w = c (z - 1)/(z + 1)"}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("lie", "refusal"),
     [
@@ -647,6 +653,7 @@ def test_what_is_said_of_an_interval_is_not_rounded_to_more():
     assert "from 0 to 0.24999996. " in said
 
 
+@pytest.mark.slow
 def test_parts_in_another_order_do_not_join():
     content = parts_of(delays=(0.0, 0.28))
     with pytest.raises(ValueError, match="do not join"):

@@ -50,6 +50,7 @@ def test_every_region_of_example_4_has_its_count(pair):
     assert wrong_points(chart, 42, 1) == []
 
 
+@pytest.mark.slow
 def test_every_region_of_an_unstable_plant_under_its_interpolating_family_has_its_count():
     model = 4 / (2 - s - s**2)
     family = filter_family("interpolating", model=model)
@@ -76,6 +77,7 @@ def test_gain_of_a_matched_third_order_filter_has_its_border_at_nine():
     assert border.x * border.omega == pytest.approx(np.full(border.x.size, sqrt(3)), rel=1e-8)
 
 
+@pytest.mark.slow
 def test_a_vertical_line_through_a_chart_is_a_set_of_time_constants():
     x, y = ("time_constant", 0.002, 0.2), ("delay", 0.01, 0.1)
     G, model = EXAMPLE_4.process.tf, EXAMPLE_4.model
@@ -105,6 +107,7 @@ def test_a_real_root_crosses_on_a_line_with_frequency_zero_or_infinity():
     assert wrong_points(chart, 60, 3) == []
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("x", "filter", "lags"),
     [
@@ -137,6 +140,7 @@ def test_an_infinite_count_is_one():
     assert [loops.counts([each])[0] for each in given] == loops.counts(given) == [0, inf]
 
 
+@pytest.mark.slow
 def test_levels_of_the_sensitivity_lie_where_the_margins_have_them():
     G, model, F = EXAMPLE_4.process, EXAMPLE_4.model, EXAMPLE_4.filter
     chart = stability_chart(
@@ -213,6 +217,7 @@ def test_more_turns_of_a_dead_time_than_a_chart_can_show_are_refused_with_a_reme
         )
 
 
+@pytest.mark.slow
 def test_a_border_that_bends_sharply_parts_its_regions():
     # Chords between frequencies that resolve the dead time had left this one open.
     process = ct.tf([-14.2678, 1.76137], [17.4017, 23.046, 9.15973, 1.0])
@@ -233,6 +238,7 @@ LAGS, RAMP_OF_2 = nrdob.filter_family("binomial", 2), nrdob.filter_family("ramp"
 WAITING_PAIRS = [(a, b) for i, a in enumerate(RANGES) for b in list(RANGES)[i + 1 :]]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("wait", [0.05, 0.08])
 @pytest.mark.parametrize("pair", WAITING_PAIRS)
 def test_every_region_of_example_4_with_a_model_that_waits_has_its_count(pair, wait):
@@ -242,6 +248,7 @@ def test_every_region_of_example_4_with_a_model_that_waits_has_its_count(pair, w
     assert wrong_points(chart, 30, 5) == []
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("filter", [LAGS, RAMP_OF_2], ids=["lags", "ramp"])
 @pytest.mark.parametrize("pole", [0.0, 0.2])
 @pytest.mark.parametrize("first", ["time_constant", "gain"])
@@ -266,6 +273,7 @@ def test_random_charts_have_the_counts_of_their_loops():
 C_N = (1.4775, 2.3911, 3.0427, 3.5775, 4.0421, 4.4585)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("n", range(1, 7))
 def test_practical_stability_is_lost_at_c_n_time_constants(n):
     # Each border touches |θ - θm| = c_n λ, and none comes nearer.
@@ -277,6 +285,7 @@ def test_practical_stability_is_lost_at_c_n_time_constants(n):
     assert region_at(chart, 0.1, 1.0).count == 0
 
 
+@pytest.mark.slow
 def test_levels_of_a_model_that_waits_lie_where_the_margins_have_them():
     G, F = EXAMPLE_4.process, EXAMPLE_4.filter
     model = nrdob.delay(0.06) * EXAMPLE_4.model

@@ -69,6 +69,7 @@ def test_pure_delay_under_a_second_order_filter(zeta):
     assert (low, high) == (pytest.approx(x * theta / angle, rel=1e-9), inf)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "model",
     [4 / (2 - s - s**2), (1 - s) / (s + 1) ** 2, (s - 3) / (s * (s - 1) * (s + 2)), 1 / s**2],
@@ -159,6 +160,7 @@ def test_lags_as_a_family_have_the_set_of_their_order_where_the_model_waits(thet
         assert a.frequency == pytest.approx(b.frequency, rel=1e-9)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("order", [2, 3])
 def test_butterworth_filters_bear_a_wrong_dead_time_of_their_own_number_of_time_constants(order):
     # |1/F| = sqrt(1 + x^(2n)) meets 2 sin(φ/2) at x = (4 sin²(φ/2) - 1)^(1/(2n)); the least φ/x.
@@ -215,6 +217,7 @@ def test_lags_as_a_family_have_the_set_of_their_order_where_a_model_waits_and_in
     assert np.ravel(sets[1]) == pytest.approx(np.ravel(sets[0]), rel=1e-9)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("pole", [0.0, 0.05, -0.05])
 def test_two_integrators_of_a_model_that_waits_cancel_for_a_whole_family(pole):
     model = nrdob.delay(0.1) / s**2

@@ -28,6 +28,7 @@ def test_a_well_behaved_process_is_matched():
     assert candidate.how == "matched" and candidate.time_constants == [(0.0, inf)]
 
 
+@pytest.mark.slow
 def test_an_unstable_process_gets_the_opposite_dc_sign():
     process = 4 / (2 - s - s**2)
     for candidate in suggest_model(process):
@@ -42,6 +43,7 @@ def test_two_unstable_poles_keep_the_dc_sign():
     assert all(dc_gain(c.model) * dc_gain(process) > 0 for c in suggest_model(process))
 
 
+@pytest.mark.slow
 def test_a_zero_in_the_right_half_plane_is_left_out_or_mirrored():
     process = 0.1 * (100 - s) / (s + 2)
     left_out, mirrored = suggest_model(process)
@@ -52,11 +54,13 @@ def test_a_zero_in_the_right_half_plane_is_left_out_or_mirrored():
     assert left_out.fastest == pytest.approx(0.02, rel=1e-6)
 
 
+@pytest.mark.slow
 def test_dead_time_is_left_out_or_replaced_by_a_lag():
     kinds = {candidate.how for candidate in suggest_model(nrdob.delay(0.05) / (s + 2) ** 2)}
     assert kinds == {"dead time left out", "dead time replaced by a lag"}
 
 
+@pytest.mark.slow
 def test_an_integrator_is_moved_to_the_left_or_kept_with_filters_that_let_it_cancel():
     moved, ramp, constant = suggest_model(1 / (s * (s + 1)))
     assert moved.model.poles().real.max() == pytest.approx(-0.1)
@@ -95,6 +99,7 @@ def test_the_sets_of_models_that_integrate_are_those_of_their_filters(process, i
             assert (loop.S_delta.dc_gain == 0) is (family.ramp > integrators)
 
 
+@pytest.mark.slow
 def test_undamped_zeros_of_the_process_are_not_left_in_the_model():
     candidates = suggest_model((s**2 + 4) / (s + 1) ** 3)
     assert any(candidate.time_constants for candidate in candidates)
@@ -120,6 +125,7 @@ def test_a_matched_model_has_the_coefficients_of_the_process(lags):
     assert candidate.model.den[0][0].tolist() == process.den[0][0].tolist()
 
 
+@pytest.mark.slow
 def test_what_need_not_change_is_not_changed():
     lags = np.poly([-1.0] * 6)
     candidate, *_ = suggest_model(ct.tf([2.0], np.polymul(lags, [1, -0.5])))
@@ -147,6 +153,7 @@ def test_with_a_zero_at_the_origin_only_a_model_that_integrates_is_stable_and_re
     assert idle.stability().stable and idle.S_d.dc_gain == 1
 
 
+@pytest.mark.slow
 def test_candidates_are_written_with_what_they_allow():
     text = repr(suggest_model(0.1 * (100 - s) / (s + 2))[0])
     assert "left out" in text and "0.01 < λ < inf" in text and "met from λ = 0.02 s" in text
@@ -308,6 +315,7 @@ def test_a_controller_for_a_model_that_waits_keeps_its_margin_in_the_loop_that_w
     np.testing.assert_array_equal(controller.num[0][0], alone.num[0][0])
 
 
+@pytest.mark.slow
 def test_a_model_is_written_without_the_terms_that_it_does_not_have():
     written = [repr(found) for found in nrdob.suggest_model(ct.tf([1], [1, 1, 0]))]
     assert any(text.startswith("(1)/(1 s^2 + 1 s): integrator kept") for text in written)

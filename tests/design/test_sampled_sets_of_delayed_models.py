@@ -15,6 +15,7 @@ from nrdob.digital import process_in_w
 s = ct.tf("s")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(6))
 def test_the_verdict_changes_at_every_end(seed: int) -> None:
     rng = np.random.default_rng(seed)

@@ -32,6 +32,7 @@ def test_zero_in_the_right_half_plane_has_a_closed_form(zero, max_ms):
     assert F.time_constant == pytest.approx(max_ms / (max_ms - 1) / zero, rel=1e-6)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "specification",
     [{"max_ms": 1.5}, {"max_ms": 1.7}, {"max_ms": 3.0}],
@@ -49,6 +50,7 @@ def meets(found, max_ms, by=1e-7):
     return bool(found.stable and found.ms <= max_ms + by)
 
 
+@pytest.mark.slow
 def test_of_several_orders_the_one_that_rejects_most_is_chosen():
     loop = paper.example(2)
     wanted = {"max_ms": 2.0}
@@ -61,6 +63,7 @@ def test_of_several_orders_the_one_that_rejects_most_is_chosen():
     assert chosen.bandwidth < max(F.bandwidth for F in each)
 
 
+@pytest.mark.slow
 def test_of_a_zero_in_the_right_half_plane_the_first_order_makes_the_most():
     # R = 1 - s/z, Ms = 2: n = 1 has λ = 2/z exactly, n = 2 needs nλ = 2.29/z.
     F = design_filter((1 - s) * lag, lag, max_ms=2.0)
@@ -106,6 +109,7 @@ def test_two_windows_beside_a_resonance_that_shifted(max_ms):
     assert inside == met and len(windows) == 2
 
 
+@pytest.mark.slow
 def test_a_high_limit_of_the_sensitivity_is_kept_all_over_a_window():
     # The peak grows smoothly from 38 to infinity, and is narrow.
     process = ct.tf([1.99], [-0.02339, -0.03169, 1.252, 3.326, 1])
@@ -133,6 +137,7 @@ def test_with_dead_time_the_limit_at_infinite_frequency_is_at_its_worst_phase(ma
     assert window == (pytest.approx(0.3 * max_ms / (max_ms - 1), rel=1e-8), inf)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("above", [1e-4, 1e-6, 1e-9])
 def test_a_peak_close_to_1_needs_a_filter_as_much_slower_than_the_dead_time(above):
     # L = exp(-θs)/(λs): |1 + L|² = 1 - 2 sin(θω)/(λω) + 1/(λω)², so Ms - 1 → θ/λ for slow filters.
@@ -151,6 +156,7 @@ def test_with_an_integrator_of_the_model_alone_the_gain_at_zero_decides(gain):
     )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("above", [1e-2, 1e-3, 1e-4])
 @pytest.mark.parametrize("delay", [0.0, 0.1])
 def test_an_undamped_mode_comes_too_close_however_narrow_it_is(above, delay):
@@ -230,6 +236,7 @@ def test_an_order_that_is_no_whole_number_is_named(design, order):
         design(lag, lag, order=order, max_ms=2.0)
 
 
+@pytest.mark.slow
 def test_a_limit_that_no_filter_meets_says_what_comes_closest():
     loop = paper.example(3, modified=True)
     with pytest.raises(ValueError, match=r"meets Ms ≤ 1.6; closest comes"):
@@ -247,6 +254,7 @@ def test_a_sample_of_the_campaign_finds_no_fault():
     assert not [name for name in found if name.startswith("WRONG")]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("gain", [1e-12, 1e12])
 def test_the_unit_of_the_output_changes_nothing(gain):
     loop = paper.example(4)
@@ -255,6 +263,7 @@ def test_the_unit_of_the_output_changes_nothing(gain):
     assert scaled.time_constant == pytest.approx(F.time_constant, rel=1e-9)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("unit", [1e-9, 1e9])
 def test_the_unit_of_time_scales_the_answer(unit):
     F = design_filter((1 - unit * s) / (unit * s + 1), 1 / (unit * s + 1), order=2, max_ms=1.6)
@@ -284,6 +293,7 @@ def test_a_resonance_that_a_long_dead_time_turns_keeps_its_distance():
     assert peaks[0] == pytest.approx(2.0, rel=1e-4) and peaks[1] > 2.001 and high == inf
 
 
+@pytest.mark.slow
 def test_of_several_orders_the_one_tried_last_may_be_chosen():
     process = 0.3 * (1 - s / 4.12) * lag
     # nλ/R(0) is the time in which the loop rejects.

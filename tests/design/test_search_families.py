@@ -18,6 +18,7 @@ lag = 1 / (s + 1)
 G, MODEL = 0.1 * (100 - s) / (s + 2), 10 / (s + 2)
 
 
+@pytest.mark.slow
 def test_a_family_of_lags_is_judged_as_its_order_is():
     family = filter_family("binomial", 2)
     one = design_filter(G, MODEL, order=2, max_ms=1.6)
@@ -51,6 +52,7 @@ def test_the_filter_for_a_model_that_waits_just_meets_the_specification(filters)
     assert not meets(family.at(low * (1 - 1e-6)))
 
 
+@pytest.mark.slow
 def test_waiting_lets_the_filter_of_example_4_be_faster():
     example = nrdob.paper.example(4)
     at_once = design_filter(example.process, example.model, order=3, max_ms=1.6)
@@ -102,6 +104,7 @@ def test_what_every_fast_filter_meets_is_refused_before_anything_else_is_looked_
         design_filter(lag, nrdob.delay(0.1) * lag, max_ms=max_ms)
 
 
+@pytest.mark.slow
 def test_a_slow_end_of_the_response_does_not_hide_a_fast_peak():
     lags = ct.tf([7.15289], [0.0792607, 2.06349, 8.47488, 1.0])
     C, filter = ct.tf([4.729, 1.0], [55.52, 0.0]), nrdob.LowPassFilter(0.4664, 4)

@@ -283,6 +283,7 @@ def test_no_crossing_is_lost_where_it_falls_on_a_frequency_tried(order):
     assert np.allclose(np.diff(np.sort(frequencies)), 2 * pi)
 
 
+@pytest.mark.slow
 def test_a_fast_pair_far_beyond_all_roots_is_found():
     # R(∞) = 1e7: the pair of the fast filter crosses at some 1e7 times the fastest root.
     process = 1e3 * (s + 2) * (s + 1) / ((s - 100) * (s + 1))
@@ -381,6 +382,7 @@ def test_a_matched_integrator_works_with_every_filter_of_one_and_two_with_none(o
     assert stabilizing_time_constants(two, two, order + 1) == []
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(8))
 def test_sets_of_integrating_models_agree_with_verdicts(seed):
     rng = np.random.default_rng(seed)
@@ -422,6 +424,7 @@ def test_a_dead_time_wrong_by_c_n_time_constants_is_too_wrong(n, side):
     assert wrong / low == pytest.approx(lost_at(n), rel=1e-5)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("n", [1, 3])
 def test_an_exact_model_that_waits_is_stable_for_every_filter(n):
     G = nrdob.delay(2.0) * lag

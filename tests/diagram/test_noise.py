@@ -178,6 +178,7 @@ def test_infinite_power_is_refused_with_the_reason(dead_time):
         border.Gm.noise_power()
 
 
+@pytest.mark.slow
 def test_a_numerator_with_and_without_dead_time_passes_what_its_turns_leave():
     # |F|² |exp(-jω) - 1|², of which 2/(2λ) is left without the cosine and exp(-1/λ) of it with it.
     loop = nrdob.NRDOB(nrdob.delay(1) / (s + 1), 1 / (s + 1), 1, LowPassFilter(2, 1))

@@ -38,6 +38,7 @@ def test_the_error_never_sees_the_plant_nor_a_dead_time(solved):
     assert all(sp.simplify(of(solved["e"], other)) == 0 for other in (DELTA, D, ETA))
 
 
+@pytest.mark.slow
 def test_it_is_the_only_prediction_that_leaves_the_controller_without_dead_time():
     u, y, a, b = sp.symbols("u y a b")
     Ce = u - F * EM * u + F / GM * y  # what the controller gives, by the line for u
@@ -72,6 +73,7 @@ def test_every_map_is_what_elimination_gives(solved, theta, wait):
         assert getattr(loop, name)(S) == pytest.approx(wanted, rel=1e-11), name
 
 
+@pytest.mark.slow
 def test_p_B_is_the_denominator_that_elimination_leaves(solved):
     N, D_, Nm, Dm, Nf, Df = sp.symbols("N D Nm Dm Nf Df")
     ours = D_ * Nm * (Df - Nf * EM) + N * Dm * Nf * E

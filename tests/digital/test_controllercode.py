@@ -81,6 +81,7 @@ def test_c_and_python_do_what_the_simulation_does(seed):
             assert relative(signal, getattr(expected, name)) < 1e-12
 
 
+@pytest.mark.slow
 def test_the_code_of_the_chapter_on_processors_does_what_its_simulation_does():
     motor, s = nrdob.plants.motor_speed(), ct.tf("s")
     C = (0.01 * s + 0.1001) / (0.01 * 0.1 * s)
@@ -112,6 +113,7 @@ def test_a_model_that_waits_is_generated_with_its_memory(wait):
             assert relative(found[2], expected.d_hat) < 1e-12
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("dt", "order"), [(0.1, 1), (1e-3, 4)])
 def test_float_keeps_five_digits_at_any_sampling_time(dt, order):
     lags = ct.tf([2.0], np.poly([-1.0] * order))
@@ -130,6 +132,7 @@ def test_float_keeps_five_digits_at_any_sampling_time(dt, order):
     assert (lost > 1e-3) == (dt == 1e-3)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("dtype", ["double", "float"])
 def test_limits_hold_in_the_generated_code_itself(dtype):
     sampled = sampled_loop()
@@ -158,6 +161,7 @@ def test_blocks_held_like_the_process_are_generated_too():
     np.testing.assert_allclose(pulse(sampled, "F")(z), held(z), rtol=1e-9)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("wait", [0.0, 0.13])
 def test_started_at_a_manual_value_the_first_output_is_that_value_if_c_integrates(wait):
     sampled = sampled_loop(wait=wait)

@@ -203,6 +203,7 @@ def test_verdicts_and_counts_are_those_of_brute_force():
     assert {each.split(",")[0] for each in outcomes} == {"stable", "not stable"}
 
 
+@pytest.mark.slow
 def test_our_own_matrix_has_the_poles_of_brute_force():
     for case in drawn()[:10]:
         sampled = case.sampled()
@@ -210,6 +211,7 @@ def test_our_own_matrix_has_the_poles_of_brute_force():
         assert ours == pytest.approx(np.abs(campaign.brute_force(case)).max(), rel=1e-6)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("number", NUMBERS)
 def test_sampled_fast_a_loop_is_what_it_is_in_continuous_time(number):
     loop = paper.example(number)
@@ -336,6 +338,7 @@ def test_the_dead_time_of_a_process_that_only_amplifies_goes_by_samples():
     assert margins.delay_margin == pytest.approx(0.1 * first, rel=1e-6)
 
 
+@pytest.mark.slow
 def test_it_does_so_where_another_crossing_is_200_samples_off():
     F = nrdob.filter_family("butterworth", 12).at(0.785)
     model, C = ct.tf([39], [1, 11, 27, 0]), ct.tf([1.15, 0.2], [1, 0])
@@ -409,6 +412,7 @@ def test_margins_are_those_of_python_control_at_a_delay_of_one_sample():
     assert ours.sm == pytest.approx(np.abs(1 + L(grid)).min(), rel=1e-6)
 
 
+@pytest.mark.slow
 def test_the_delay_margin_is_looked_for_only_where_it_is_asked_for(monkeypatch):
     found = paper.example(4).sampled(0.02).margins()
     again = pickle.loads(pickle.dumps(found))

@@ -51,6 +51,7 @@ def on_a_fine_grid(sampled, controller, num, den, delays, inputs, eta, finer):
     return np.array(ys), np.array(us)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("num", "den", "delay", "computation"),
     [
@@ -350,6 +351,7 @@ def test_tracking_needs_one_integrator_in_the_controller():
         lag_loop(controller=1.0).sampled(0.1).simulate({"R": [1.0]}, tracking_time=1.0)
 
 
+@pytest.mark.slow
 def test_a_loop_that_runs_away_says_where():
     loop = lag_loop(ct.tf([2.0], [1.0, -3.0]), controller=0.1, lag=5.0)
     with pytest.raises(ArithmeticError, match="the loop is unstable, or the limits"):

@@ -118,6 +118,7 @@ def test_what_helps_against_hunting_and_its_price():
     assert moved.at_rest[-5000:].all() and abs(moved.y[-1] - 1.0) > 0.01
 
 
+@pytest.mark.slow
 def test_friction_fed_forward_leaves_a_moving_reference_less_error():
     drive = Drive(OneMass(J), STICKY, Encoder(10_000))
     t = np.arange(4000) * H
@@ -210,6 +211,7 @@ def test_the_response_says_what_happened():
     assert np.array_equal(found.y, found.speed) and found.at_rest[0] and not found.at_rest[-1]
 
 
+@pytest.mark.slow
 def test_a_loop_that_runs_away_is_said_to():
     loop = nrdob.NRDOB(ANGLE, ANGLE, -LEAD, nrdob.LowPassFilter(0.02, 2)).sampled(H)
     for encoder in (None, Encoder(10_000)):

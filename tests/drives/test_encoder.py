@@ -90,6 +90,7 @@ def test_the_delay_is_the_slope_of_the_phase():
     assert Tracking(300.0).delay(dt) == pytest.approx(2 * dt / (1 - r) - 1.5 * dt)
 
 
+@pytest.mark.slow
 def test_an_estimate_costs_the_margin_its_delay():
     sampled = speed_loop(0.02, 0.001)
     have = [encoded(sampled, each).margins().delay_margin for each in (Counting(), Counting(5))]
@@ -155,6 +156,7 @@ def test_without_edges_the_speed_falls_as_one_could_have_been_seen():
     assert all(np.diff(last) <= 1e-12)
 
 
+@pytest.mark.slow
 def test_edges_of_a_shaft_that_turns_back_are_angles_and_no_counts():
     drive = Drive(OneMass(J), Friction(0.01, viscous=0.01), Encoder(2000), EdgeTiming())
     motion = drive.motion(0.001)

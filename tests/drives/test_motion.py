@@ -84,6 +84,7 @@ def test_a_long_sample_is_divided_and_a_short_slip_within_it_found():
     assert coarse.events == fine.events > 4
 
 
+@pytest.mark.slow
 def test_where_a_polynomial_leaves_is_its_first_root():
     rng = np.random.default_rng(0)
     found = 0

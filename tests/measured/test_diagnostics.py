@@ -472,6 +472,7 @@ def test_an_input_that_no_actuator_follows_is_told(place):
     assert not checked_record(t, u, y).remarks and not checked_record(t, 1e6 * u, y).remarks
 
 
+@pytest.mark.slow
 def test_a_lag_far_shorter_than_a_sample_asks_for_faster_ones():
     t, rng = np.arange(300.0), np.random.default_rng(0)
     u = (t > 100) * 1.0
@@ -566,6 +567,7 @@ def test_data_from_a_closed_loop_are_told(closed):
     assert any("under control" in said for said in found.remarks) is closed
 
 
+@pytest.mark.slow
 def test_a_sensor_that_rounds_is_not_taken_for_a_limit_at_the_end_of_a_record():
     # A heater that has nearly settled, in steps of 0.32 and 0.33 as a converter writes them.
     rng = np.random.default_rng(2)

@@ -289,6 +289,7 @@ def test_no_time_column_but_a_sampling_time(tmp_path):
             read_data(path, sampling_time=wrong)
 
 
+@pytest.mark.slow
 def test_a_record_is_identified_with_all_that_was_noticed_in_reading_it(tmp_path):
     _, u, y = heated_air()
     rows = [(k, u[k], "" if k % 50 == 25 else y[k]) for k in range(300)]
@@ -360,6 +361,7 @@ def test_a_long_record_is_fitted_as_a_short_one():
     assert told == pytest.approx([2.0, 1.0, 0.304], rel=0.01)
 
 
+@pytest.mark.slow
 def test_a_step_just_before_the_end_tells_no_numbers():
     t = np.arange(100.0)
     y = (t > 98) + 1e-3 * np.random.default_rng(0).standard_normal(100)
@@ -430,6 +432,7 @@ def test_a_thousandth_of_a_sample_is_no_dead_time():
     assert process_of(late, 0.1, 1.0).delay == pytest.approx(0.002)
 
 
+@pytest.mark.slow
 def test_small_matrices_do_not_wait_for_other_threads(monkeypatch):
     def threads():
         return {each["num_threads"] for each in threadpool_info() if each["user_api"] == "blas"}

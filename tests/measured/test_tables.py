@@ -876,6 +876,7 @@ def test_missing_values_are_missing_samples(tmp_path):
     assert any("missing in line 59 and 6 more" in note for note in record.notes)
 
 
+@pytest.mark.slow
 def test_what_moves_like_an_output_and_is_called_u_is_doubted():
     with pytest.warns(UserWarning, match="as if u and y were swapped"):
         identify(T, Y, U, structure="one lag with dead time")

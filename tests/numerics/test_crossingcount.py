@@ -43,6 +43,7 @@ def test_a_pair_that_starts_on_the_axis_crosses_from_there(delay):
         assert p.rhp_in_whole_numbers == found.count
 
 
+@pytest.mark.slow
 @given(st.floats(0.05, 0.99), st.floats(-2, 3))
 @settings(max_examples=50)
 def test_neutral_equations_below_the_limit_are_counted(ratio, log_delay):

@@ -40,6 +40,7 @@ def test_routh_and_the_turns_count_the_roots_that_polynomials_were_made_of(degre
     assert np.array_equal(counts, right)
 
 
+@pytest.mark.slow
 def test_polynomials_of_all_degrees_and_time_scales_turn_together_as_they_do_alone():
     rng = np.random.default_rng(0)
     for _ in range(20):

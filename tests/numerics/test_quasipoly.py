@@ -25,6 +25,7 @@ def distance_from_axis(roots):
     return np.min(np.abs(np.prod(1j * omega[:, None] - roots, axis=1)) / sizes)
 
 
+@pytest.mark.slow
 @given(st.integers(1, 10).flatmap(lambda n: root_sets(n)))
 def test_count_and_roots_agree_with_the_roots_a_polynomial_was_made_of(roots):
     assume(distance_from_axis(roots) > 1e-12)  # else the coefficients' rounding decides

@@ -110,6 +110,7 @@ def test_a_saturated_actuator_is_a_step_of_the_process():
     assert y == pytest.approx(0.02 * (1 - np.exp(-2 * late)), abs=1e-14)
 
 
+@pytest.mark.slow
 def test_events_grow_as_the_largest_pole():
     loop = Plain(
         Block([2.0], [1.0, 1.0]), Block([1.0], [1.0, 1.0]), ONE, low_pass(0.1, 1), delay=0.25

@@ -88,6 +88,7 @@ def test_a_limited_loop_feeds_its_observer_with_what_is_applied() -> None:
             if any("sat" in term.block for term in terms)] == ["dhat", "v", "yf"]  # fmt: skip
 
 
+@pytest.mark.slow
 def test_a_model_that_waits_leaves_the_error_what_it_is_without_dead_time() -> None:
     W, Gm0 = sp.symbols("W Gm0")
     solved = maps(diagrams.delayed_model())
@@ -129,6 +130,7 @@ def test_figure_1_solved_gives_the_maps_of_the_package(delayed: bool) -> None:
             assert value == pytest.approx(getattr(loop, name)(s), rel=1e-9), name
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "other", [diagrams.two_degrees_of_freedom, diagrams.internal_model_control]
 )
@@ -253,6 +255,7 @@ def test_a_diagram_is_a_figure_of_the_house(draw: Callable[[], Diagram]) -> None
         assert " ".join(line.split()) in figure.alt
 
 
+@pytest.mark.slow
 def test_the_users_axes_are_used() -> None:
     user, ax = plt.subplots()
     figure = diagrams.nrdob().plot(ax)

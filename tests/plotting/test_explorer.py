@@ -37,6 +37,7 @@ def pixels(png):
     return np.asarray(Image.open(BytesIO(png)).convert("RGBA")).astype(int)
 
 
+@pytest.mark.slow
 def test_a_move_changes_the_picture_and_back_again_restores_it(explorer):
     first = explorer.frame()
     assert explorer.move(slope=1.0) == "slope 1 by 3 points"
@@ -54,10 +55,12 @@ def test_frames_look_like_the_figure_drawn_afresh(explorer):
     assert np.mean(difference > 3) < 1e-3
 
 
+@pytest.mark.slow
 def test_the_ground_is_transparent(explorer):
     assert pixels(explorer.frame())[2, 2, 3] == 0
 
 
+@pytest.mark.slow
 def test_sliders_drive_the_picture(explorer):
     box = explorer.widget()
     slope, count, line, picture = box.children
@@ -74,6 +77,7 @@ def test_a_slider_takes_two_hundred_steps_from_end_to_end():
     assert (widget.min, widget.max) == (5, 7) and widget.step == pytest.approx(0.01)
 
 
+@pytest.mark.slow
 def test_a_page_gets_the_picture_and_a_running_notebook_the_sliders(explorer):
     data, metadata = explorer._repr_mimebundle_()
     assert data["text/plain"] == metadata["image/png"]["alt"] == "A line of slope 0.5"

@@ -48,6 +48,7 @@ def texts(ax: Axes) -> list[str]:
 # What is returned, and where it is drawn.
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("method", METHODS)
 def test_a_figure_is_what_control_returns_with_alt_text(method: str) -> None:
     figure = getattr(paper.example(3), method)(title="Example 3")
@@ -73,6 +74,7 @@ def test_the_users_axes_are_used_and_no_others_made(method: str) -> None:
     assert all(ax.lines for ax in axes.flat)
 
 
+@pytest.mark.slow
 def test_axes_in_a_subfigure_are_rendered_with_the_whole_figure() -> None:
     whole = plt.figure()
     left, _ = whole.subfigures(1, 2)
@@ -98,6 +100,7 @@ def test_the_users_settings_are_untouched(method: str) -> None:
 # In a notebook.
 
 
+@pytest.mark.slow
 def test_the_backend_is_loaded_outside_the_style(monkeypatch: pytest.MonkeyPatch) -> None:
     # Within it, a notebook would lose the interactive mode that the backend switches on.
     seen, make = [], plt.figure
@@ -170,6 +173,7 @@ def test_nyquist_alt_text_counts_the_encirclements(which: str, number: int, modi
     assert ENCIRCLEMENTS[which, number, modified] in figure.alt
 
 
+@pytest.mark.slow
 def test_nyquist_alt_text_of_example_3() -> None:
     assert paper.example(3).plot_nyquist(title="Example 3").alt == (
         "Nyquist plot of F·H, Example 3: one counter-clockwise encirclement of −1, "
@@ -177,6 +181,7 @@ def test_nyquist_alt_text_of_example_3() -> None:
     )
 
 
+@pytest.mark.slow
 def test_a_curve_without_a_name_is_drawn_without_one() -> None:
     quotient = replace(paper.example(3).FH, name="")
     (ax,) = nyquist_plot(quotient).axes.flat
@@ -184,6 +189,7 @@ def test_a_curve_without_a_name_is_drawn_without_one() -> None:
     assert bode_plot(quotient).axes.flat[0].get_ylabel() == "magnitude (dB)"
 
 
+@pytest.mark.slow
 def test_the_papers_ratio_encircles_plus_one() -> None:
     figure = paper.example(3).plot_nyquist("ratio", point=1)
     assert "one counter-clockwise encirclement of +1" in figure.alt
@@ -202,6 +208,7 @@ def test_the_closest_approach_is_the_modulus_margin(number: int, modified: bool)
         assert approach.distance == pytest.approx(found.sm, rel=1e-9)
 
 
+@pytest.mark.slow
 def test_an_improper_loop_is_closed_by_an_arc_clockwise_around_minus_one() -> None:
     curve = contour(paper.example(2).H)
     (arc,) = curve.arcs
@@ -240,6 +247,7 @@ def test_an_undamped_plant_is_passed_on_the_right_at_both_its_poles() -> None:
         assert turn == pytest.approx(-np.pi, abs=0.5)
 
 
+@pytest.mark.slow
 def test_a_resonance_between_grid_points_is_drawn_to_its_peak() -> None:
     damping = 1e-6
     s = ct.tf("s")
@@ -268,6 +276,7 @@ def test_a_way_to_infinity_is_no_peak_that_must_be_shown() -> None:
     assert contour(loop.FH).size < 10 < 1000 < near
 
 
+@pytest.mark.slow
 def test_a_curve_within_the_unit_circle_leaves_the_circle_to_fill_the_window() -> None:
     figure = paper.example(4).plot_nyquist()
     assert max(np.hypot(*line.get_xydata().T).max() for line in figure.lines[0]) < 1
@@ -283,6 +292,7 @@ def test_a_plot_much_larger_than_one_gets_an_inset() -> None:
     assert not loop.plot_nyquist("FH").axes[0, 0].child_axes
 
 
+@pytest.mark.slow
 def test_a_matched_model_has_nothing_to_encircle() -> None:
     alt = paper.example(1).plot_nyquist().alt
     assert alt.endswith("no encirclement of −1, closest approach 1 at every frequency")
@@ -321,6 +331,7 @@ def test_both_gain_margins_of_a_conditionally_stable_loop_are_drawn() -> None:
     assert texts(figure.axes[0, 0]) == ["GM −9.54 dB at ω = 0", "GM 2.08 dB at 13.4 rad/s"]
 
 
+@pytest.mark.slow
 def test_an_unstable_loop_shows_no_margins() -> None:
     unstable = nrdob.NRDOB(
         delay(5) * ct.tf([1], [1, 1]), ct.tf([1], [1, 1]), 0.5, LowPassFilter(0.1, 1)
@@ -336,6 +347,7 @@ def test_curves_are_labelled_directly() -> None:
     assert figure.axes[0, 0].get_legend() is None
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("which", ["CGm", "L"])
 def test_phase_is_continuous_and_starts_at_the_integrators_angle(which: str) -> None:
     figure = paper.example(4).plot_bode(which, omega_limits=(1e-3, 1e3))
@@ -366,6 +378,7 @@ def test_an_unstable_response_grows_without_bound_in_words() -> None:
     assert "to d grows without bound" in unstable.plot_step().alt
 
 
+@pytest.mark.slow
 def test_compared_loops_share_their_times_and_are_named() -> None:
     nominal, modified = paper.example(3), paper.example(3, modified=True)
     figure = modified.plot_step(compare=nominal)
@@ -378,6 +391,7 @@ def test_compared_loops_share_their_times_and_are_named() -> None:
     assert [t.get_text() for t in named.axes[0, 0].get_legend().get_texts()] == ["as designed"]
 
 
+@pytest.mark.slow
 def test_step_panels_show_the_responses() -> None:
     loop, times = paper.example(4), np.linspace(0, 3, 40)
     for row, signal in enumerate("yu"):
@@ -439,6 +453,7 @@ def test_turns_within_the_line_of_others_are_left_out_and_said(ratio: float) -> 
     )
 
 
+@pytest.mark.slow
 def test_no_turn_that_is_left_out_lies_off_the_line() -> None:
     s = ct.tf("s")
     loop = nrdob.NRDOB(delay(1e3) / (s + 1), 1 / (s + 2), 0.1 / s, LowPassFilter(2e3, 1))
@@ -451,6 +466,7 @@ def test_no_turn_that_is_left_out_lies_off_the_line() -> None:
     assert max(gap) < 0.5 * step + 1e-2 * curve.size
 
 
+@pytest.mark.slow
 def test_ordinary_loops_are_drawn_turn_by_turn() -> None:
     loop = paper.example(4, modified=True)
     assert contour(loop.FH).left_out == contour(loop.H).left_out == 0
@@ -510,6 +526,7 @@ def test_a_plot_function_is_told_a_map_from_a_loop() -> None:
         bode_plot(loop.FH, margins=3)  # type: ignore[arg-type]
 
 
+@pytest.mark.slow
 def test_a_loop_gain_of_ones_own_is_drawn_like_a_map() -> None:
     L = delay(0.5) * ct.tf([1], [1, 0])
     assert "no encirclement of −1" in nyquist_plot(L).alt and "L" in bode_plot(L).alt

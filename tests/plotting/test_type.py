@@ -109,6 +109,7 @@ def test_type_of_the_animation_can_be_read_too() -> None:
     assert shown(points, width / 72) >= LEAST
 
 
+@pytest.mark.slow
 def test_a_heading_that_is_too_long_takes_more_lines_and_keeps_its_formulas_whole() -> None:
     _, ax = plt.subplots(figsize=(WIDTH, 3))
     headings(ax, "Short", "$N$ = 0")

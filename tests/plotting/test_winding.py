@@ -15,6 +15,7 @@ CASES = [
 ]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("zeros", "poles", "turns"), CASES)
 def test_the_walk_ends_with_zeros_less_poles_inside(zeros, poles, turns):
     drawn = winding_plot(zeros, poles)

@@ -128,6 +128,7 @@ def test_where_nothing_was_held_out_the_report_does_not_tell_of_it():
     assert "part held out" in trust().tables[0].head
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("process", "said"),
     [
@@ -451,6 +452,7 @@ def test_the_command_reads_columns_and_the_input_before(tmp_path, capsys):
     assert "Before it u is 0, as you say, and the plant at rest" in words(page.read_text("utf-8"))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [
@@ -607,6 +609,7 @@ def test_counts_that_are_not_known_are_question_marks():
     assert row[3] == "?"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("lam", [0.1, 0.2])
 def test_a_controller_is_designed_for_the_bandwidth_of_the_observer(lam):
     model = 1 / (s - 1)

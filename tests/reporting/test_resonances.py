@@ -43,6 +43,7 @@ def test_a_resonance_without_any_damping_is_one():
     assert "5 % lower the loop is unstable" in said
 
 
+@pytest.mark.slow
 def test_an_antiresonance_and_a_dead_time_count_as_well():
     def plant(high=10.0, low=8.0):
         notch = (s**2 + 0.02 * low * s + low**2) / low**2

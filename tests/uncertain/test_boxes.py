@@ -34,6 +34,7 @@ def test_intervals_are_those_of_the_margins_and_of_the_printed_example():
     assert delay == pytest.approx(margins.delay_margin)
 
 
+@pytest.mark.slow
 def test_dead_times_may_be_survived_again_and_again():
     # A mode that is seen through a dead time: lost and found again with every turn.
     process = LAG * nrdob.plants.resonance(20.0, 0.02)
@@ -105,6 +106,7 @@ def test_a_narrow_box_of_dead_times_and_a_wide_one_of_gains_end_at_the_closed_fo
     assert box.share == pytest.approx(share, rel=1e-8)
 
 
+@pytest.mark.slow
 def test_a_box_ends_where_its_plants_begin_to_oscillate_within_a_narrow_band():
     # The least share lies between an end of the band of frequencies and the next one looked at.
     process = nrdob.delay(0.37) * ct.tf(
@@ -121,6 +123,7 @@ def test_a_box_ends_where_its_plants_begin_to_oscillate_within_a_narrow_band():
         assert other.stability().stable is stable
 
 
+@pytest.mark.slow
 def test_a_box_with_a_short_dead_time_ends_before_the_gain_margin():
     process = nrdob.delay(0.0854) * ct.tf([0.635], [39.2, 84.4, 9.29, 1])
     model = ct.tf([1.542, 2.114], [7.233, 3.249, 1])
@@ -129,6 +132,7 @@ def test_a_box_with_a_short_dead_time_ends_before_the_gain_margin():
     assert 1 + box.share * (2.257 - 1) < loop.margins().plant_loop.gm
 
 
+@pytest.mark.slow
 def test_the_plant_that_is_named_waits_as_many_turns_as_the_box_allows():
     process = nrdob.delay(0.1216) * ct.tf([0.628, 1.698], [0.0164, 0.0175, 2.745, 1])
     model = ct.tf([0.644, 1.741], [2.741, 1])
@@ -140,6 +144,7 @@ def test_the_plant_that_is_named_waits_as_many_turns_as_the_box_allows():
     assert abs(1 + gain * loop.L(s) * np.exp(-s * delay) / (1 + s * lag)) < 1e-6
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("longest", [1.0, 1e2, 1e4, 1e6])
 def test_the_plant_that_is_named_is_at_the_limit_however_long_lags_may_be(longest):
     process = ct.tf([4.95, 0.635, 0.161], [1, 2.24, 1.15, 0.0967])
@@ -255,6 +260,7 @@ def test_a_weight_that_cannot_be_fitted_is_refused():
             fit_weight(*given)
 
 
+@pytest.mark.slow
 def test_a_box_ends_where_a_corner_of_gain_and_no_dead_time_leave_the_lag_free():
     # Example 3 with k of 0.5 to 1: at k = 1 the longest lag is a root of Routh's condition.
     loop = paper.example(3)
@@ -270,6 +276,7 @@ def test_a_box_ends_where_a_corner_of_gain_and_no_dead_time_leave_the_lag_free()
     assert box.critical is not None and box.critical["gain"] == pytest.approx(1.0, rel=1e-4)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("also", [{}, {"lag": (0.0, 0.1)}])
 def test_a_box_may_end_where_a_real_root_passes_zero(also):
     # L = -0.5/(s + 1): 1 + kL vanishes at s = 0 for k = 2, a third of the way from 1 to 4.

@@ -36,6 +36,7 @@ def test_a_negative_gain_stabilises_nothing_here():
     assert gain_intervals(nrdob.NRDOB(-1 * G, G, 1 / s, LowPassFilter(0.5, 2))) == []
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(6))
 @pytest.mark.parametrize("delayed", [False, True])
 def test_random_loops_are_stable_in_the_set_and_nowhere_else(seed, delayed):
@@ -66,6 +67,7 @@ def test_a_resonance_leaves_two_intervals(theta):
                 assert nrdob.judge_observer(k * G, 1 / (s + 1), F).stable is stable
 
 
+@pytest.mark.slow
 def test_few_verdicts_are_asked_for_however_often_a_long_dead_time_turns_L(monkeypatch):
     # At far more than a thousand gains roots are on the axis; beside each there was a verdict.
     G, asked = 1 / (s + 1), []

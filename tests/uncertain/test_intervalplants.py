@@ -43,6 +43,7 @@ def test_a_box_of_coefficients_survives_up_to_its_exact_share(number):
         assert sampled(loop, num, den, min(1.2 * shares.exact, 1.0), rng, 4000) < 1
 
 
+@pytest.mark.slow
 def test_one_uncertain_gain_survives_up_to_the_bound_of_a_pure_gain_error():
     G = ct.tf([1], [1, 3, 2])
     loop = nrdob.NRDOB(G, G, ct.tf([1], [1, 0]), LowPassFilter(0.05, 3))
@@ -51,6 +52,7 @@ def test_one_uncertain_gain_survives_up_to_the_bound_of_a_pure_gain_error():
     assert shares.kharitonov < shares.exact
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("unit", [1.0, 1e-2, 1e-3, 1e-6, 1e6])
 def test_the_unit_of_time_changes_no_share(unit):
     def written(*coefficients):

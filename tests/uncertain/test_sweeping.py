@@ -28,6 +28,7 @@ def test_a_sweep_says_of_each_member_what_is_said_of_it_alone(name):
     assert differences(loop, plants(loop, 40, 11), every=4) == []
 
 
+@pytest.mark.slow
 def test_a_model_that_waits_is_swept_too():
     loop = nrdob.NRDOB(
         nrdob.delay(0.5) * LAG, nrdob.delay(0.5) * LAG, ct.tf([1], [1, 0]), LowPassFilter(0.1, 2)
@@ -36,6 +37,7 @@ def test_a_model_that_waits_is_swept_too():
                                           samples=40), every=4) == []  # fmt: skip
 
 
+@pytest.mark.slow
 def test_a_delayed_model_with_an_integrator_is_swept_too():
     motor = nrdob.delay(0.2) * ct.tf([1], [1, 1, 0])
     loop = nrdob.NRDOB(1.1 * motor, motor, 0.3, LowPassFilter(0.8, 2))
@@ -153,6 +155,7 @@ def test_what_cannot_be_swept_is_refused():
             nrdob.sweep(*given)
 
 
+@pytest.mark.slow
 def test_a_resonance_beside_the_closest_point_does_not_hide_it():
     process = ct.tf([1.25022371], [66.00996982, 31.30550646, 2.1087145, 1.0])
     model = ct.tf([1], [9.37512818, 13.33847147, 6.32577382, 1.0])
