@@ -101,7 +101,8 @@ map: $(READY) ## print the layers of the package, each module with its lines
 # Without the slow tests, those of the course (make test-exercises) and most random examples.
 quick: $(READY) ## the checks of the working day, in about a minute
 	@$(MAKE) --jobs=2 lint types layers unit \
-		EVERY_DAY='-n 2 -m "not slow" --ignore=tests/course --hypothesis-profile=quick'
+		EVERY_DAY='-n 2 -m "not slow" --ignore=tests/course --ignore=book/nrdob_course \
+			--hypothesis-profile=quick'
 
 unit: $(READY) ## unit tests, doctests and the rules for notebooks
 	$(PYTEST) $(EVERY_DAY) tests nrdob book/nrdob_course --doctest-modules
