@@ -80,3 +80,21 @@ def test_a_chain_that_rises_to_its_line_has_no_rightmost_root():
 def test_where_the_argument_cannot_be_followed_no_root_is_called_the_rightmost():
     terms = [(np.array([0.5]), 1e5), (np.array([0.4]), 1e5 / np.pi)]
     assert not rightmost_roots(np.array([1.0, 0.001]), terms).size
+
+
+@pytest.mark.parametrize(
+    ("poles", "gain", "delay"),
+    [([0.0, -0.0815, -1.0147], 0.0248, 4.35), ([0.0, -0.0088, -0.5085], 0.0056, 24.7)],
+)
+def test_a_slow_root_beside_an_integrator_is_found(poles, gain, delay):
+    # Neither a pole nor a turn of the dead time is near it.
+    q, r = np.poly(poles), np.array([gain])
+    first = rightmost_roots(q, ((r, delay),))[0]
+
+    def p(s):
+        return np.polyval(q, s) + gain * np.exp(-s * delay)
+
+    assert abs(p(first)) < 1e-12 * np.polyval(np.abs(q), abs(first))
+    line = first.real + 1e-3 * abs(first)
+    turned = np.unwrap(np.angle(p(line + 1j * np.linspace(0, 1e4, 2_000_001))))
+    assert (turned[-1] - turned[0]) / np.pi == pytest.approx(len(poles) / 2, abs=1e-3)
