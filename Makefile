@@ -26,8 +26,9 @@ export MPLCONFIGDIR := $(CURDIR)/$(VENV)/matplotlib
 # longest first, not by the number of their tests.
 PYTEST := OPENBLAS_NUM_THREADS=1 $(PY) -m pytest -q -n 3 --dist loadfile --no-loadscope-reorder
 EVERY_DAY := -m "not thorough"
+UNITS := tests nrdob book/nrdob_course
 NBVAL := --nbval --nbval-current-env --nbval-cell-timeout 300 \
-	--nbval-sanitize-with tests/nbval-sanitize.cfg notebooks
+	--nbval-sanitize-with tests/nbval-sanitize.cfg
 # Another processor rounds otherwise: the oldest kernels of OpenBLAS and of NumPy's own loops.
 OLD_PROCESSOR := OPENBLAS_CORETYPE=Nehalem \
 	NPY_DISABLE_CPU_FEATURES="X86_V3 X86_V4 AVX512_ICL AVX512_SPR"
@@ -76,8 +77,8 @@ test: $(READY) ## run the checks of every change, the notebooks among them
 	@$(MAKE) old-notebooks
 
 thorough: $(READY) ## run what takes longer: browsers, graded classes, wide random searches
-	$(PYTEST) -m thorough tests nrdob book/nrdob_course --doctest-modules
-	$(OLD_PROCESSOR) $(PYTEST) $(NBVAL)/class nrdob book/nrdob_course --doctest-modules
+	$(PYTEST) -m thorough tests
+	$(OLD_PROCESSOR) $(PYTEST) $(NBVAL) notebooks/class nrdob book/nrdob_course --doctest-modules
 
 lint: $(READY) layers ## style and formatting, and whether everything stands, and is told, where it belongs
 	$(PY) -m ruff check .
@@ -101,21 +102,21 @@ map: $(READY) ## print the layers of the package, each module with its lines
 # Without the slow tests, those of the course (make test-exercises) and most random examples.
 quick: $(READY) ## the checks of the working day, in about a minute
 	@$(MAKE) --jobs=2 lint types layers unit \
-		EVERY_DAY='-n 2 -m "not slow" --ignore=tests/course --ignore=book/nrdob_course \
-			--hypothesis-profile=quick'
+		EVERY_DAY='-n 2 -m "not slow" --ignore=tests/course --hypothesis-profile=quick' \
+		UNITS='tests nrdob'
 
 unit: $(READY) ## unit tests, doctests and the rules for notebooks
-	$(PYTEST) $(EVERY_DAY) tests nrdob book/nrdob_course --doctest-modules
+	$(PYTEST) $(EVERY_DAY) $(UNITS) --doctest-modules
 
 test-site: $(READY) ## build the book and open every page in a browser, at the width of a phone
 	$(PYTEST) tests/book/test_site.py
 
 notebooks: $(READY) ## run every notebook and compare with the outputs stored in it
-	$(PYTEST) $(NBVAL)
+	$(PYTEST) $(NBVAL) notebooks
 
 # The cells of the notebooks for class are in the chapters, too, as lint makes sure.
 old-notebooks: $(READY) ## run every chapter in the arithmetic of an old processor
-	$(OLD_PROCESSOR) $(PYTEST) $(NBVAL) --ignore=notebooks/class
+	$(OLD_PROCESSOR) $(PYTEST) $(NBVAL) notebooks --ignore=notebooks/class
 
 pages: $(READY) ## write what is made and stored: pages for teachers, questions in the chapters, the runs
 	$(PY) book/make/teaching.py

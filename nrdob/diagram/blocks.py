@@ -172,9 +172,10 @@ def _read(system: Any, name: str) -> tuple[FloatArray, FloatArray]:
         num, den = system.num_array[0, 0], system.den_array[0, 0]
     elif isinstance(system, ct.StateSpace | signal.StateSpace):
         return polynomials(system, name)
-    elif isinstance(system, signal.TransferFunction | signal.ZerosPolesGain):
-        system = system.to_tf()
+    elif isinstance(system, signal.TransferFunction):
         num, den = system.num, system.den
+    elif isinstance(system, signal.ZerosPolesGain):  # its own to_tf drops small coefficients
+        num, den = system.gain * np.poly(system.zeros), np.poly(system.poles)
     elif is_number(system):
         num, den = [system], [1.0]
     elif isinstance(system, tuple | list | np.ndarray) and len(system) == 2:

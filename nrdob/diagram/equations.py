@@ -86,7 +86,7 @@ M. Dambrine, J.-F. Lafay, J.-P. Richard, Proc. 38th IEEE Conference on Decision 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property, reduce
 from math import factorial
 from operator import attrgetter
@@ -324,6 +324,7 @@ class LoopEquations:
         return _sum_of_products(((-G.den, Gm.num), self.model_delay), ((G.num, Gm.den), self.delay))
 
 
+@dataclass(frozen=True, eq=False)
 class ObserverEquations(LoopEquations):
     """Process, model and filter alone: condition ii does not depend on the controller.
 
@@ -346,8 +347,7 @@ class ObserverEquations(LoopEquations):
     [0.5, 2.5, 2.0]
     """
 
-    def __init__(self, process: Any, model: Any, filter: Any, keep_factors: bool = False) -> None:
-        super().__init__(process, model, 0.0, filter, keep_factors)
+    controller: Any = field(default=0.0, init=False, repr=False)
 
 
 def _shared(model: QuasiPolynomial, filter: QuasiPolynomial, *, keep: bool) -> Shared:

@@ -89,7 +89,7 @@ class Quotient:
             return inf if excess or not den.q.any() else float(part[0] / den.q[0])
 
         at_once, *late = (limit(part) for part, _ in num.terms)
-        return at_once, sum(map(abs, late)) if len(late) > 1 else sum(late)
+        return at_once, sum(map(abs, late)) if len(late) > 1 else sum(late, 0.0)
 
     def __call__(self, s: complex | ComplexArray) -> Any:
         """Evaluate at complex `s`, a number or an array; infinite at poles, the limit at 0/0."""

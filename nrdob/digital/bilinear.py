@@ -49,7 +49,7 @@ __all__ = [
 
 Whole = NDArray[np.object_]
 
-FIRST, LAST = 128, 16384  # binary digits behind the point of the first and of the last attempt
+DIGITS = tuple(128 * 3**k >> k for k in range(13))  # binary, behind the point: 128, 192 … 16607
 MULTIPLIED_OUT = 40  # samples of dead time up to which powers of 1 + v and 1 - v are multiplied out
 STEPS = 2  # halvings of a time near 1, after which powers of A times it fall
 AT_NYQUIST = 1e-12  # distance of a pole from z = -1 at which it lies there
@@ -99,8 +99,8 @@ def _held_in_w(
         return Fraction(np.zeros(1), np.ones(1))
     a, h, direct, unit = _in_unit(tuple(process.num.tolist()), tuple(process.den.tolist()))
     given = _Given(a, h, direct, Exact(dt) / unit, Exact(fraction), at_once)
-    bits, last = FIRST, None
-    while bits <= LAST:
+    last = None
+    for bits in DIGITS:
         found = _in_v(given, bits, late)
         if (
             found
@@ -111,7 +111,7 @@ def _held_in_w(
             )
         ):
             return _scaled(found, dt)
-        bits, last = 3 * bits // 2, found
+        last = found
     raise ArithmeticError(
         f"the process has modes so much faster than dt = {dt:g} s that its samples cannot be "
         "computed: leave out what is much faster than the sampling"
@@ -247,6 +247,7 @@ class _HeldBlocks(LoopEquations):
     """Blocks behind holds: with a strictly proper model, both it and F begin with `sample`, 1 - αw.
 
     It cancels in F/Gm, and nothing but its numerators tells so: `rest` is what they are without it.
+    Only the process may be replaced.
     """
 
     rest: tuple[Fraction, Fraction] = field(kw_only=True)
@@ -379,6 +380,7 @@ def _held(a: list[int], time: Exact, bits: int) -> tuple[list[int], list[int]]:
     Over a short step by Taylor's series; then h(2t) = 2h + x h², as exp(xt) = 1 + x h.
     """
     halvings = (time.numerator // time.denominator).bit_length() + STEPS
+    # Of the short step 2^STEPS times as much here, and of x as much less in the powers.
     step = _fixed(time / 2 ** (halvings - STEPS), bits)
     powers = _falling_powers(tuple(a), bits)
     terms = [step]
@@ -392,7 +394,7 @@ def _held(a: list[int], time: Exact, bits: int) -> tuple[list[int], list[int]]:
     return [x + y for x, y in zip(one, _by_x(held, a, bits), strict=True)], held
 
 
-@lru_cache  # of one block at many sampling times they are the same
+@lru_cache(maxsize=12)  # of one block at many sampling times they are the same
 def _falling_powers(a: tuple[int, ...], bits: int) -> list[list[int]]:
     """Powers of x/2^STEPS modulo a(x), as many as Taylor's series needs."""
     powers = [([1 << bits] + [0] * len(a))[: len(a)]]

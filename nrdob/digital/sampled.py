@@ -53,8 +53,9 @@ class SampledLoop:
     computation_delay: float = 0.0
 
     def __post_init__(self) -> None:
-        dt, computation_delay = checked_times(self.dt, self.computation_delay)
-        self.__dict__.update(dt=dt, computation_delay=computation_delay)
+        checked = checked_times(self.dt, self.computation_delay)
+        for name, value in zip(("dt", "computation_delay"), checked, strict=True):
+            object.__setattr__(self, name, value)
         if self.method not in METHODS:
             raise ValueError(f"method is {self.method!r}; choose one of {', '.join(METHODS)}")
         if self.loop.ill_posed_model_loop:

@@ -1,4 +1,7 @@
-"""Files as tables of cells: encoding, what separates the columns, where headings are."""
+"""Files as tables of cells: encoding, what separates the columns, where headings are.
+
+Nothing in a file is ever run.
+"""
 
 from __future__ import annotations
 

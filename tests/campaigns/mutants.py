@@ -46,7 +46,7 @@ FOLDERS = (
     "uncertain", "alternatives", "drives", "plotting", "reporting",
 )  # fmt: skip
 AT_THE_TOP = ("bad_input", "paper", "plants", "reported_faults")
-FAST = ("-p", "no:cacheprovider", "-m", "not slow", "--hypothesis-profile=quick")
+FAST = ("-p", "no:cacheprovider", "-m", "not thorough", "--hypothesis-profile=quick")
 
 LIBRARIES = "control", "hypothesis", "matplotlib.pyplot", "mpmath", "scipy.linalg", "scipy.optimize"
 

@@ -87,3 +87,9 @@ def test_a_loop_does_not_depend_on_the_coordinates_or_hidden_modes_of_its_states
         if loop.stability().stable:
             ms = loop.margins().plant_loop.ms
             assert found.margins().plant_loop.ms == pytest.approx(ms, rel=1e-6)
+
+
+@pytest.mark.parametrize("gain", [2.0, 1e-20])
+def test_zeros_and_poles_keep_their_coefficients_however_small_the_gain(gain):
+    read = as_fraction(signal.ZerosPolesGain([-1e9], [-1e12, -3.0], gain), "process")
+    assert read.num == pytest.approx(gain * np.array([1.0, 1e9]), rel=1e-12)

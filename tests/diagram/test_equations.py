@@ -1,5 +1,6 @@
 import copy
 import pickle
+from dataclasses import replace
 
 import control as ct
 import numpy as np
@@ -7,7 +8,8 @@ import pytest
 from hypothesis import given
 
 import nrdob
-from nrdob import paper
+from nrdob import LowPassFilter, paper
+from nrdob.diagram import ObserverEquations
 from strategies import loops
 
 s = ct.tf("s")
@@ -250,3 +252,10 @@ def test_a_loop_that_has_been_used_can_be_copied_and_sent_to_another_process(cop
     again = copied(loop)
     assert again is not loop
     assert again.T_R(S) == pytest.approx(maps["T_R"])
+
+
+def test_an_observer_can_be_given_another_filter():
+    observer = ObserverEquations(ct.tf([2], [1, 1]), ct.tf([1], [1, 1]), LowPassFilter(0.5, 1))
+    changed = replace(observer, filter=LowPassFilter(0.25, 1))
+    assert changed.p_B.q.tolist() == [0.25, 2.25, 2.0]
+    assert "controller" not in repr(changed)

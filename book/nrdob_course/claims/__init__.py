@@ -5,8 +5,17 @@
 'reproduced'
 """
 
-from importlib import import_module
-
+from . import (
+    bands,
+    conclusions,
+    example3,
+    example4,
+    examples12,
+    lemma1,
+    mismatch,
+    robustness,
+    section2,
+)
 from .ledger import Amendment, Claim, Entry, Finding, LedgerError, Verdict, in_one_ledger, settle
 from .signals import loop_modes
 
@@ -15,9 +24,11 @@ __all__ = [
     "check", "loop_modes",
 ]  # fmt: skip
 
-_PARTS = "section2 bands lemma1 mismatch robustness examples12 example3 example4 conclusions"
+_PARTS = (  # as in the paper
+    section2, bands, lemma1, mismatch, robustness, examples12, example3, example4, conclusions,
+)  # fmt: skip
 
-LEDGER = in_one_ledger(import_module(f".{part}", __name__).SECTION for part in _PARTS.split())
+LEDGER = in_one_ledger(part.SECTION for part in _PARTS)
 """Every claim by its id, in the order of the paper."""
 
 
