@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from math import inf, pi, prod
+from math import frexp, inf, pi, prod
 from typing import Any
 
 import control as ct
@@ -80,16 +80,28 @@ class Quotient:
         Infinite for an improper map. With several dead times b is the sum of the sizes. A unit step
         makes the output jump by a at t = 0.
         """
+        if not self.delay:
+            return self._at_once, 0.0
         num, den = self.numerator, self.denominator
-
-        def limit(part: FloatArray) -> float:
+        late = []
+        for part, _ in num.delayed:
             excess = part.size - num.divided - den.q.size + den.divided
-            if excess < 0 or not part.any():
-                return 0.0
-            return inf if excess or not den.q.any() else float(part[0] / den.q[0])
+            late.append(0.0 if excess < 0 else inf if excess else float(part[0] / den.q[0]))
+        return self._at_once, sum(map(abs, late)) if len(late) > 1 else sum(late, 0.0)
 
-        at_once, *late = (limit(part) for part, _ in num.terms)
-        return at_once, sum(map(abs, late)) if len(late) > 1 else sum(late, 0.0)
+    @property
+    def _at_once(self) -> float:
+        """The a of `at_infinity`, of factors that need not be multiplied out."""
+        degrees = [sum(f.q.size - 1 - f.divided for f in fs) for fs in (self.num, self.den)]
+        excess = degrees[0] - degrees[1]
+        if excess < 0 or not all(f.q.any() for f in self.num):
+            return 0.0
+        if excess or not all(f.q.any() for f in self.den):
+            return inf
+        top, bottom = ([frexp(f.q[0]) for f in fs] for fs in (self.num, self.den))
+        size = prod(a for a, _ in top) / prod(a for a, _ in bottom)
+        with np.errstate(over="ignore", under="ignore"):
+            return float(np.ldexp(size, sum(k for _, k in top) - sum(k for _, k in bottom)))
 
     def __call__(self, s: complex | ComplexArray) -> Any:
         """Evaluate at complex `s`, a number or an array; infinite at poles, the limit at 0/0."""

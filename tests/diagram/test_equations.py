@@ -1,4 +1,5 @@
 import copy
+import math
 import pickle
 from dataclasses import replace
 
@@ -9,7 +10,8 @@ from hypothesis import given
 
 import nrdob
 from nrdob import LowPassFilter, paper
-from nrdob.diagram import ObserverEquations
+from nrdob.diagram import ObserverEquations, Quotient
+from nrdob.numerics import QuasiPolynomial
 from strategies import loops
 
 s = ct.tf("s")
@@ -259,3 +261,17 @@ def test_an_observer_can_be_given_another_filter():
     changed = replace(observer, filter=LowPassFilter(0.25, 1))
     assert changed.p_B.q.tolist() == [0.25, 2.25, 2.0]
     assert "controller" not in repr(changed)
+
+
+@pytest.mark.parametrize(
+    ("num", "den", "limit"),
+    [
+        ([[1e-200, 1], [1e-200, 1]], [[1e-200, 2], [2e-200, 1]], 0.5),
+        ([[1e200, 1], [1e200, 1]], [[1e200, 2], [4e200, 1]], 0.25),
+        ([[0.0]], [[1, 1]], 0.0),
+        ([[1, 1, 1]], [[1, 1]], math.inf),
+    ],
+)
+def test_the_limit_at_infinity_needs_no_product_of_leading_coefficients(num, den, limit):
+    factors = (tuple(QuasiPolynomial(p) for p in part) for part in (num, den))
+    assert Quotient(*factors).at_infinity == (limit, 0.0)
