@@ -27,7 +27,7 @@ from dataclasses import dataclass, field
 from fractions import Fraction as Exact
 from functools import cached_property, lru_cache
 from itertools import accumulate
-from math import comb, factorial, log2
+from math import comb, log2
 from operator import mul
 from typing import Any, NamedTuple
 
@@ -236,7 +236,7 @@ def held_blocks(loop: LoopEquations, dt: float) -> LoopEquations:
     model, filter = (_held_in_w(block, dt, 0.0, True, late=late) for block in (Gm, F))
     _check_sound(model, Gm, dt)
     filter = Fraction(filter.num / filter.num[-1], filter.den / filter.den[-1])  # F(0) = 1
-    sample = np.array([-dt / 2, 1.0]) if late else np.ones(1)
+    sample, _ = _powers(int(late), dt)
     Gw, Fw = (Fraction(np.convolve(num, sample), den) for num, den in (model, filter))
     controller = held_in_w(C, dt, at_once=True)
     return _HeldBlocks(loop.process, Gw, controller, Fw, rest=(model, filter), sample=sample)
@@ -397,9 +397,10 @@ def _held(a: list[int], time: Exact, bits: int) -> tuple[list[int], list[int]]:
 @lru_cache(maxsize=12)  # of one block at many sampling times they are the same
 def _falling_powers(a: tuple[int, ...], bits: int) -> list[list[int]]:
     """Powers of x/2^STEPS modulo a(x), as many as Taylor's series needs."""
-    powers = [([1 << bits] + [0] * len(a))[: len(a)]]
-    while factorial(len(powers)) >> bits == 0:
+    powers, factorial = [([1 << bits] + [0] * len(a))[: len(a)]], 1
+    while not factorial >> bits:
         powers.append([x >> STEPS for x in _by_x(powers[-1], list(a), bits)])
+        factorial *= len(powers)
     return powers
 
 
