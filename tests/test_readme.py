@@ -30,7 +30,7 @@ def test_the_code_prints_what_stands_below_it():
     assert run.stdout.splitlines() == printed.splitlines(), run.stderr
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 @pytest.mark.parametrize("command", [each for each in COMMANDS if each.startswith("nrdob ")])
 def test_a_command_of_the_package_writes_its_report(command, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)

@@ -45,6 +45,8 @@ SMALLEST, MOST = 2.0**-48, 400_000
 """Half width of an interval, against its angle, at which it is halved no more; most intervals."""
 
 TOGETHER = 8  # samples between terms that are taken together, behind one dead time
+FIRST = np.linspace(0, pi, 17)
+"""Ends of the intervals that are tried first."""
 FREE, OPEN = -1, -2  # marks of an interval: the function has no zero there; it may have one
 
 
@@ -79,8 +81,7 @@ class Product:
         sizes = np.abs(_linear(a, b, angle))
         moved = sizes + np.abs(a + b)[:, None] / 2 * half
         far = moved.prod(axis=0) * (1 + np.minimum(self.samples * half, 2.0))
-        leading = np.prod([np.trim_zeros(factor, "f")[0] for factor in self.factors])
-        return np.asarray(abs(leading) * (far - sizes.prod(axis=0)))
+        return np.asarray(self._leading * (far - sizes.prod(axis=0)))
 
     def slope(self, angle: FloatArray) -> ComplexArray:
         """Logarithmic derivative with respect to the angle; infinite at a zero on the circle."""
@@ -93,6 +94,11 @@ class Product:
     def inside(self) -> Product:
         """The product without its zeros at z = 1 and z = -1, near which it turns no more."""
         return Product(tuple(np.trim_zeros(factor) for factor in self.factors), self.samples)
+
+    @cached_property
+    def _leading(self) -> float:
+        """Size of the product of the leading coefficients."""
+        return float(np.prod([abs(np.trim_zeros(factor, "f")[0]) for factor in self.factors]))
 
     @cached_property
     def _linear(self) -> tuple[ComplexArray, ComplexArray]:
@@ -207,9 +213,9 @@ class _Certified(NamedTuple):
 
 def _certified(function: CircleFunction, *, dominance: bool) -> _Certified:
     """Cut the upper half of the circle into intervals over which the argument is known."""
-    low, high = np.zeros(1), np.full(1, pi)
+    low, high = FIRST[:-1], FIRST[1:]
     done: list[tuple[FloatArray, FloatArray, IntArray]] = []
-    total = 2
+    total = 0
     touched: float | None = None
     while low.size:
         middle, half = (low + high) / 2, (high - low) / 2
@@ -273,11 +279,11 @@ def _half(angle: FloatArray) -> tuple[FloatArray, FloatArray]:
 
 def _homogeneous(factor: FloatArray, x: ComplexArray | FloatArray, y: FloatArray) -> ComplexArray:
     """Σ p_k x^k y^(n-k): with v = x/y, and 1 + v = exp(j·angle/2)/y, p(v)/(1 + v)^n but a turn."""
-    value, power = np.zeros_like(x), np.ones_like(y)
-    for coefficient in factor.tolist():
-        value = value * x + coefficient * power
+    value, power = np.asarray(factor[0]), np.ones(())
+    for coefficient in factor[1:].tolist():
         power = power * y
-    return np.asarray(value)
+        value = value * x + coefficient * power
+    return value
 
 
 def _linear(a: ComplexArray, b: ComplexArray, angle: FloatArray) -> ComplexArray:

@@ -227,7 +227,7 @@ def impulse_states(block: Block, times: FloatArray, step: float | None) -> Float
             power = power @ power
         return states[:, : times.size]
     steps, which = np.unique(np.diff(times), return_inverse=True)
-    transitions = [expm(block.A * each) for each in steps]
+    transitions = expm(np.multiply.outer(steps, block.A))
     columns = [states[:, 0]]
     for i in which:
         columns.append(transitions[i] @ columns[-1])

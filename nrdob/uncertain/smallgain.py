@@ -201,7 +201,7 @@ def conservatism(loop: NRDOB, **box: tuple[float, float]) -> Conservatism:
 def _farthest(box: dict[str, tuple[float, float]], share: float, omega: FloatArray) -> FloatArray:
     """Largest ``|k exp(-jωτ)/(1 + jωT) - 1|`` of a share of a box; the size is convex in k."""
     k, tau, T = (
-        nominal + share * (np.linspace(*box.get(name, (nominal, nominal)), count) - nominal)
+        nominal + share * (np.linspace(*box[name], count) - nominal) if name in box else [nominal]
         for name, nominal, count in (("gain", 1.0, 2), ("delay", 0.0, ACROSS), ("lag", 0.0, ACROSS))
     )
     gain, late, lag = (each[..., None] for each in np.meshgrid(k, tau, T))

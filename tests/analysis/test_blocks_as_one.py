@@ -64,7 +64,7 @@ def apart(loop, hidden):
     return diagram(*map(tuple, loop.fractions), *hidden)
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 @pytest.mark.parametrize("seed", range(5))
 def test_random_verdicts_are_those_of_the_blocks(seed):
     verdicts = []

@@ -201,7 +201,7 @@ def test_margins_unpack_in_controls_order():
     assert (gm, pm, sm, wpc, wgc, wms) == pytest.approx(theirs, rel=1e-6, abs=1e-9)
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 def test_margins_with_delay_agree_with_a_dense_grid():
     loop = paper.example(4, modified=True)
     found = loop.margins().plant_loop
@@ -271,14 +271,14 @@ def test_margins_at_60_detuned_hardly_damped_modes_are_the_certified_ones():
                 assert not differs(each, quotient)
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 def test_random_loops_have_the_margins_of_a_sweep_in_long_doubles():
     tally = run(2 * len(FAMILIES), seed=4)
     assert tally["wrong"] == 0
     assert sum(tally[f"{family}: compared"] for family in FAMILIES) > 30
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 def test_hard_loops_with_and_without_dead_time_agree_with_their_oracles():
     tally = run(8 * len(FAMILIES), seed=3)
     assert tally["wrong"] == 0

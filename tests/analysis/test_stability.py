@@ -40,7 +40,7 @@ def test_random_verdicts_agree_with_closed_loop_poles(loop):
         assert verdict.observer_loop.closed_loop_rhp == np.sum(np.roots(loop.p_B.q).real > 0)
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 @given(loops(delayed=True))
 def test_random_delayed_verdicts_agree_with_an_independent_argument_count(loop):
     verdict = loop.stability().observer_loop

@@ -56,7 +56,7 @@ def adaptive_argument_count(loop, integrators=0):
 # Verdicts.
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 def test_random_verdicts_are_those_of_an_independent_count():
     rng = np.random.default_rng(11)
     seen = set()
@@ -206,7 +206,7 @@ def laplace(loop, input, t):
     ]
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 @pytest.mark.parametrize("input", INPUTS)
 @pytest.mark.parametrize(("theta", "wait"), [(0.05, 0.03), (0.05, 0.2), (0.0, 0.3)])
 def test_steps_are_the_inverse_laplace_transform(theta, wait, input):
@@ -291,7 +291,7 @@ def integrating_loop(rng):
     return nrdob.NRDOB(loop.process / plant, model, loop.controller, F), k
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 def test_random_verdicts_with_integrators_that_cancel_are_those_of_an_independent_count():
     rng = np.random.default_rng(21)
     seen = set()

@@ -66,7 +66,7 @@ def test_the_unit_of_time_changes_nothing_in_a_proof(power):
     assert check(content).startswith("Proved: the loop is internally stable.")
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 @pytest.mark.parametrize("delayed", [False, True])
 def test_random_loops_stable_or_not_are_counted_as_by_the_verdict(delayed):
     rng = np.random.default_rng(7)

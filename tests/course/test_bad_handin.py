@@ -213,6 +213,7 @@ def test_what_stands_in_a_cell_costs_nobody_else_anything(
     assert (tmp_path / "out" / "similar.csv").exists()
 
 
+@pytest.mark.thorough
 def test_a_notebook_that_cannot_be_written_is_named_briefly(
     good: str, said: Said, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -141,6 +141,7 @@ def test_the_points_of_a_set_sum_to_a_round_number(path: Path) -> None:
 # --- the graders --------------------------------------------------------------------------------
 
 
+@pytest.mark.thorough
 @each_problem
 @pytest.mark.parametrize(("group", "seed"), GROUPS_AND_SEEDS)
 def test_the_published_solution_gets_full_marks(this: Posed, group: int, seed: int) -> None:

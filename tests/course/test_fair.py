@@ -161,6 +161,7 @@ def test_each_number_counts_by_itself_whatever_the_others_are(
     assert judged(id, gap).share == pytest.approx(share)
 
 
+@pytest.mark.thorough
 def test_nan_for_every_filter_earns_nothing() -> None:
     assert judged("6.5", lambda a: [float("nan")] * len(a)).share == 0
 

@@ -427,7 +427,7 @@ def test_no_published_solution_is_remarked(path: Path) -> None:
     assert suspicious(solved.cells, given_out) == []
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 def test_without_a_wall_what_is_suspicious_is_not_run(
     released: Path,
     tmp_path: Path,

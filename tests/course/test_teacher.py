@@ -244,6 +244,7 @@ def test_a_picture_is_in_the_page_once_however_often_it_is_shown(
     assert (school.target / "marking.html").read_text("utf-8").count("QUJD" * 5000) == 1
 
 
+@pytest.mark.thorough
 def test_pictures_that_are_too_many_are_named_and_the_rest_is_graded(
     school: Class, notebook: Any, tmp_path: Path
 ) -> None:

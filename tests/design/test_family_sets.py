@@ -138,7 +138,7 @@ def test_multiple_roots_of_polynomials_and_those_at_0_and_infinity_are_found():
     assert cube**3 == pytest.approx(np.ones(3), rel=1e-12)
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 def test_random_sets_are_right_beside_every_end():
     found = campaign(18, 11)
     assert not [name for name in found if name.startswith("WRONG")]

@@ -159,7 +159,7 @@ def test_candidates_are_written_with_what_they_allow():
     assert "left out" in text and "0.01 < λ < inf" in text and "met from λ = 0.02 s" in text
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 @settings(max_examples=12)
 @given(fractions())
 def test_what_is_promised_holds(process):

@@ -248,7 +248,7 @@ def test_an_order_too_low_for_causality_is_refused():
         design_filter(lag**2, lag**2, order=1, max_ms=2)
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 def test_a_sample_of_the_campaign_finds_no_fault():
     found = campaign(4, seed=2)
     assert not [name for name in found if name.startswith("WRONG")]

@@ -355,7 +355,7 @@ def test_another_unit_of_time_changes_nothing_else(exponent):
     assert np.array(there) == pytest.approx(np.array(here) * unit, rel=1e-9)
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 def test_a_sample_of_the_campaign_finds_no_fault():
     found = campaign(40, seed=1)
     assert not [name for name in found if name.startswith("WRONG")]

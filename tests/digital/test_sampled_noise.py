@@ -69,7 +69,7 @@ def test_fast_sampling_gives_the_variance_of_white_noise_in_continuous_time():
         assert found.u / dt == pytest.approx(continuous.u, rel=accuracy)
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 def test_welchs_spectrum_of_a_simulation_agrees_with_the_continuous_one_within_its_confidence():
     found = sampled("fractional dead time").loop.sampled(0.01)
     noise = np.random.default_rng(7).standard_normal(60_000) / np.sqrt(0.01)  # unit density

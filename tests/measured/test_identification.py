@@ -44,7 +44,10 @@ def test_what_goes_in_before_the_record_comes_out_late_or_never():
 
 @pytest.mark.slow
 @pytest.mark.parametrize("structure", STRUCTURES, ids=lambda each: each.name)
-@pytest.mark.parametrize("kind", ["step", "binary", "waves"])
+@pytest.mark.parametrize(
+    "kind",
+    ["step", *(pytest.param(kind, marks=pytest.mark.thorough) for kind in ("binary", "waves"))],
+)
 def test_without_noise_every_number_is_found(structure, kind):
     rng = np.random.default_rng(3)
     case = measured(structure, kind, "white", rng, noise=0.0)

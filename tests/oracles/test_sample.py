@@ -8,7 +8,7 @@ import pytest
 from tests.campaigns.oracles import QUESTIONS, RIGHT, campaign
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 def test_every_public_number_is_that_of_an_oracle():
     tally, _ = campaign(24, seed=11)
     assert [name for outcomes in tally.values() for name in outcomes if "WRONG" in name] == []

@@ -89,7 +89,7 @@ def test_a_report_says_why_there_is_no_proof():
     assert "There is no certificate" in page and "download=" not in page
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 def test_what_is_handed_in_is_escaped():
     assert UNKIND not in of_loop()[1] and "&lt;script&gt;alert(1)" in of_loop()[1]
 
