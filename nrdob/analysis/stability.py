@@ -30,9 +30,7 @@ from ..numerics import (
 )
 from .nyquist import NyquistCount, nyquist_count
 
-__all__ = [
-    "LoopStability", "Stability", "judge", "judge_observer", "observer_stability", "stability",
-]  # fmt: skip
+__all__ = ["LoopStability", "Stability", "judge", "judge_observer", "stability"]
 
 AT_ORIGIN = "a root at s = 0 exactly"
 

@@ -24,7 +24,7 @@ from ..numerics import Block, ComplexArray, FloatArray, IntArray
 
 __all__ = [
     "MAX_DELAYS", "NODES", "across", "delayed_response", "panel_basis", "panel_lengths",
-    "panel_matrices", "radau", "resolved_to", "side_by_side", "to_chebyshev",
+    "panel_matrices", "radau", "resolved_to", "side_by_side",
 ]  # fmt: skip
 
 MAX_PANELS = 400_000  # panels that one march may take: a second or two

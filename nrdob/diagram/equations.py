@@ -100,7 +100,7 @@ from .delay import undelayed
 from .filters import TYPED_IN, filter_fraction
 from .quotient import Quotient
 
-__all__ = ["LoopEquations", "LoopFractions", "ObserverEquations"]
+__all__ = ["LoopEquations", "ObserverEquations"]
 
 MADE = {
     "Nm'": attrgetter("built.Nm"),

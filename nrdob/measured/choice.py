@@ -14,9 +14,7 @@ from .fitting import Fit, Problem, refined
 from .parameters import Parameter, told
 from .residuals import DECISIVE
 
-__all__ = [
-    "Judged", "chosen", "criterion", "denied_sign", "estimates", "judge", "mirrored", "weighed",
-]  # fmt: skip
+__all__ = ["chosen", "criterion", "denied_sign", "estimates", "judge", "mirrored", "weighed"]
 
 ALIKE = 1.5  # factor between two gains that are nearly the same
 TINY = 1e-12  # of the misfit in the part fitted, what is none

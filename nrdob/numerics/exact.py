@@ -15,7 +15,7 @@ from .arrays import FloatArray
 
 __all__ = [
     "Whole", "multiply", "positive_sign_changes", "rhp_count", "sign_at", "squared_size",
-    "sturm_chain", "total", "whole",
+    "total", "whole",
 ]  # fmt: skip
 
 Whole = list[int]

@@ -20,7 +20,7 @@ from ..analysis import on_axis, resolved_frequencies, subdivided
 from ..diagram import Quotient
 from ..numerics import BoolArray, ComplexArray, FloatArray, QuasiPolynomial, golden, runs
 
-__all__ = ["Approach", "Arc", "Contour", "closest_approach", "contour"]
+__all__ = ["Approach", "Contour", "closest_approach", "contour"]
 
 SMOOTH = 1e-3  # largest distance between curve and polygon, as a fraction of the curve's size
 LINE = 6e-3  # width of a line, as a fraction of the curve's size: turns within it look like one

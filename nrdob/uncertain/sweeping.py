@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from ..design import StabilityChart
     from ..plotting import Figure
 
-__all__ = ["QUANTITIES", "Share", "SweepTable", "sweep"]
+__all__ = ["Share", "SweepTable", "sweep"]
 
 QUANTITIES = ("stable", "ms")  # what can be asked of every member
 LISTED = 10  # members of a table that are printed one by one, at most

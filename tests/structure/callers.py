@@ -1,22 +1,23 @@
 """Each public name has a caller: a chapter, an exercise, a page, another subpackage.
 
-    python -m tests.structure.callers    the members and parameters without one, too
-
-A page of the book counts where it names something as code: so a name that is kept because users of
-python-control expect it stands on a page. A class counts as used where it types a result, and an
-exception where it is raised.
+A page of the book counts where it calls or qualifies something as code, `f(x, order=2)` or `.ms`:
+so a name that is kept because users of python-control expect it stands on a page. A class counts as
+used where it types a result, and an exception where it is raised. The same holds of the members of
+public classes and of parameters. What a module shows another file uses, be it a test; what it does
+not show it uses itself.
 """
 
 from __future__ import annotations
 
 import ast
 import re
-import sys
+from collections import Counter
 from collections.abc import Iterator
 from functools import cache
 from pathlib import Path
 
-from .modules import PACKAGE, cells, modules, nodes, notebooks, subpackage_of, uses
+from .modules import PACKAGE, Module, cells, code, modules, nodes, notebooks, subpackage_of, uses
+from .pages import CONTENTS
 
 PAGES = ("README.md", "book/*.md", "book/teaching/*.md", "book/templates/*.j2")
 """Pages that a reader is shown; those of the reference, which list everything, are none."""
@@ -25,16 +26,36 @@ CODE = re.compile(r"```.*?```|`[^`]+`", re.DOTALL)
 ROLE = re.compile(r"\{[\w:]+\}`[^`]+`")
 """A link to the reference, which is no use."""
 
+TOLD, GIVEN = re.compile(r"\w+(?=\()|(?<=\.)\w+"), re.compile(r"\w+(?==)")
+"""What is called or taken from something, and parameters: a mere word may be any other."""
+
+USED_OTHERWISE = {
+    "Row.noise_y": "a column, taken by its name",
+    "Row.noise_u": "a column, taken by its name",
+    "Row.peak_u": "a column, taken by its name",
+    "Margins.disk_margin": "users of python-control look for it",
+    "certify(variable=)": "a sampled loop gives it in **",
+    "certify(model_delay=)": "a sampled loop gives it in **",
+    "half_plane_points(within=)": "given in **",
+}
+"""Members and parameters without a user that can be read, and why they are kept."""
+
 
 def faults(root: Path) -> Iterator[str]:
-    """Name every public name without a caller."""
+    """Name what nobody uses: public names, members and parameters, and names of inner modules."""
+    yield from _public(root)
+    for place, name in members(root):
+        if name not in USED_OTHERWISE:
+            yield f"{place}: {name} has no user: take it out, or use it in a chapter or on a page"
+    yield from _inner(root)
+
+
+def _public(root: Path) -> Iterator[str]:
     taken, told = _taken(root), _told(root)
     typed = {name for module in modules(root).values() for name in _annotations(module.tree)}
     for name, module in modules(root).items():
-        if not name.startswith(f"{PACKAGE}.") and name != PACKAGE:
+        if not _is_front(module) or name.split(".")[0] != PACKAGE:
             continue
-        if not module.is_package and name.count(".") > 1:
-            continue  # of an inner module the package decides what is public
         for shown in module.shows or ():
             if (name, shown) not in taken and shown not in told | typed:
                 yield (
@@ -43,27 +64,53 @@ def faults(root: Path) -> Iterator[str]:
                 )
 
 
-def members(root: Path) -> Iterator[str]:
-    """Name members of public classes and optional parameters that nobody but tests uses."""
+def members(root: Path) -> Iterator[tuple[str, str]]:
+    """Give place and name of members of classes and of parameters that only tests use."""
     trees = [module.tree for module in modules(root).values()] + _outside(root)
     read = {n.attr for t in trees for n in nodes(t) if isinstance(n, ast.Attribute)}
+    for template in (root / PACKAGE).rglob("*.j2"):
+        read.update(TOLD.findall(template.read_text("utf-8")))
     given = {k.arg for t in trees for n in nodes(t) if isinstance(n, ast.Call) for k in n.keywords}
-    told = _told(root)
+    told, given = _told(root), given | _told(root, GIVEN)
     for name, module in modules(root).items():
         if not name.startswith(f"{PACKAGE}."):
             continue
         for node in module.tree.body:
-            place = f"{module.path.relative_to(root)}:{node.lineno}: "
+            place = f"{module.path.relative_to(root)}:{node.lineno}"
             if getattr(node, "name", "_").startswith("_"):
                 continue
             if isinstance(node, ast.ClassDef):
                 for member in _members(node):
                     if member not in read | told:
-                        yield f"{place}{node.name}.{member}"
+                        yield place, f"{node.name}.{member}"
             if isinstance(node, ast.FunctionDef) and node.name in (module.shows or ()):
                 for argument in node.args.kwonlyargs:
                     if argument.arg not in given:
-                        yield f"{place}{node.name}({argument.arg}=)"
+                        yield place, f"{node.name}({argument.arg}=)"
+
+
+def _inner(root: Path) -> Iterator[str]:
+    """Name what a module shows and no other file uses, and what it keeps and does not use."""
+    files = [p for folder in (PACKAGE, "book", "tests") for p in (root / folder).rglob("*.py")]
+    words = Counter(w for p in files for w in set(re.findall(r"\w+", p.read_text("utf-8"))))
+    taken = _taken(root)
+    for module in modules(root).values():
+        place = f"{module.path.relative_to(root)}:1: {module.name}"
+        # The problems of a set are found by vars().
+        if not (_is_front(module) or re.search(r"exercises\.set\d$", module.name)):
+            for name in module.shows or ():
+                if words[name] < 2 and (module.name, name) not in taken:
+                    yield f"{place} shows {name}, which no other file uses: take it out of __all__"
+        names = (n for n in nodes(module.tree) if isinstance(n, ast.Name))
+        loaded = {n.id for n in names if isinstance(n.ctx, ast.Load)}
+        for name in _kept(module):
+            if name not in loaded:
+                yield f"{place} does not use its {name}: take it out"
+
+
+def _is_front(module: Module) -> bool:
+    """Tell whether all may use what it shows: of an inner module the package decides that."""
+    return module.is_package or module.name == subpackage_of(module.name)
 
 
 def _members(node: ast.ClassDef) -> Iterator[str]:
@@ -72,6 +119,19 @@ def _members(node: ast.ClassDef) -> Iterator[str]:
             case ast.FunctionDef(name=name) | ast.AnnAssign(target=ast.Name(name)):
                 if not name.startswith("_"):
                     yield name
+
+
+def _kept(module: Module) -> Iterator[str]:
+    """Give the functions, classes and constants that a module does not show."""
+    for statement in module.tree.body:
+        match statement:
+            case (
+                ast.FunctionDef(name=name, decorator_list=[])
+                | ast.ClassDef(name=name)
+                | ast.Assign(targets=[ast.Name(name)])
+                | ast.AnnAssign(target=ast.Name(name))
+            ) if not name.startswith("__") and name not in (module.shows or ()):
+                yield name
 
 
 def _taken(root: Path) -> set[tuple[str, str]]:
@@ -88,20 +148,21 @@ def _taken(root: Path) -> set[tuple[str, str]]:
 @cache
 def _outside(root: Path) -> list[ast.Module]:
     programs = [*(root / "book/make").glob("*.py"), *(root / "book/ext").glob("*.py")]
-    chapters = ["\n".join(dict(cells(path, "code")).values()) for path in notebooks(root)]
-    return [ast.parse(text) for text in [*(p.read_text("utf-8") for p in programs), *chapters]]
+    chapters = [code(path) for path in notebooks(root)]
+    return [*(ast.parse(path.read_text("utf-8")) for path in programs), *chapters]
 
 
 @cache
-def _told(root: Path) -> frozenset[str]:
-    """Return the words that pages and chapters print as code."""
-    texts: list[str] = [p.read_text("utf-8") for glob in PAGES for p in root.glob(glob)]
+def _told(root: Path, names: re.Pattern[str] = TOLD) -> frozenset[str]:
+    """Return the names that pages and chapters use where they print code."""
+    pages = {path for glob in PAGES for path in root.glob(glob)} - {root / CONTENTS}
+    texts = [path.read_text("utf-8") for path in pages]
     texts += [text for path in notebooks(root) for _, text in cells(path, "markdown")]
     return frozenset(
         word
         for text in texts
-        for code in CODE.findall(ROLE.sub("", text))
-        for word in re.findall(r"\w+", code)
+        for printed in CODE.findall(ROLE.sub("", text))
+        for word in names.findall(printed)
     )
 
 
@@ -115,7 +176,3 @@ def _annotations(tree: ast.Module) -> Iterator[str]:
                 | ast.Raise(exc=ast.Call(func=found))
             ):
                 yield from re.findall(r"\w+", ast.unparse(found))
-
-
-if __name__ == "__main__":
-    print(*members(Path(__file__).resolve().parents[2]), sep="\n", file=sys.stdout)

@@ -11,7 +11,7 @@ import re
 from collections.abc import Iterator
 from pathlib import Path
 
-from .modules import PACKAGE, Module, below, cells, modules, notebooks, subpackage_of, uses
+from .modules import PACKAGE, Module, below, cells, code, modules, notebooks, subpackage_of, uses
 
 PRIVATE_BY_TEXT = re.compile(r"""["'](nrdob[\w.]*\._[a-z]\w*)["']""")
 """A private name as `monkeypatch` takes it, which ruff does not see."""
@@ -49,7 +49,7 @@ def _chapter(root: Path, path: Path) -> Iterator[str]:
     """A chapter uses public names only."""
     sources = dict(cells(path, "code"))
     lines = [(number, k) for number in sources for k in range(1, 2 + sources[number].count("\n"))]
-    for use in uses(root, ast.parse("\n".join(sources.values()))):
+    for use in uses(root, code(path)):
         number, line = lines[use.line - 1]
         place = f"{path.relative_to(root)}, cell {number}, line {line}: "
         if not _is_public(root, use.module):

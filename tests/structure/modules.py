@@ -14,6 +14,9 @@ PACKAGE, COURSE = "nrdob", "nrdob_course"
 NOT_IMPORTED = "nbgrader_config.py"
 """Run by nbgrader; nobody imports it."""
 
+LONGEST = 500
+"""Lines of a module of the package."""
+
 
 class Module(NamedTuple):
     """A module: its dotted name, its file, its syntax tree, and the names in `__all__`."""
@@ -35,6 +38,14 @@ class Use(NamedTuple):
     line: int
     module: str
     name: str
+
+
+def faults(root: Path) -> Iterator[str]:
+    """Name every module of the package that is too long."""
+    for module in modules(root).values():
+        length = len(module.path.read_text("utf-8").splitlines())
+        if not module.name.startswith(COURSE) and length > LONGEST:
+            yield f"{module.path.relative_to(root)}:{length}: more than {LONGEST} lines: part it"
 
 
 def subpackage_of(name: str) -> str:
@@ -68,12 +79,25 @@ def notebooks(root: Path) -> list[Path]:
     return sorted([*(root / "notebooks").rglob("*.ipynb"), *sets.rglob("*.ipynb")])
 
 
+@cache
+def _sources(notebook: Path) -> list[tuple[str, str]]:
+    """Read kind and text of each cell, without the outputs."""
+    found = json.loads(notebook.read_text("utf-8"))["cells"]
+    return [(cell["cell_type"], "".join(cell["source"])) for cell in found]
+
+
 def cells(notebook: Path, kind: str) -> Iterator[tuple[int, str]]:
     """Give number and text of each cell of one kind, commands of the notebook left out."""
-    for number, cell in enumerate(json.loads(notebook.read_text("utf-8"))["cells"], 1):
-        if cell["cell_type"] == kind:
-            lines = "".join(cell["source"]).splitlines()
+    for number, (what, source) in enumerate(_sources(notebook), 1):
+        if what == kind:
+            lines = source.splitlines()
             yield number, "\n".join("" if x.lstrip().startswith(("%", "!")) else x for x in lines)
+
+
+@cache
+def code(notebook: Path) -> ast.Module:
+    """Parse the code of a notebook, its cells one below the other."""
+    return ast.parse("\n".join(dict(cells(notebook, "code")).values()))
 
 
 def below(root: Path, module: str) -> set[str]:
@@ -81,8 +105,13 @@ def below(root: Path, module: str) -> set[str]:
     return {name.rpartition(".")[2] for name in modules(root) if name.rpartition(".")[0] == module}
 
 
-def uses(root: Path, tree: ast.Module, inside: Module | None = None) -> Iterator[Use]:
+@cache
+def uses(root: Path, tree: ast.Module, inside: Module | None = None) -> tuple[Use, ...]:
     """Find what is taken from the modules: by import, or as `module.name`."""
+    return tuple(_uses(root, tree, inside))
+
+
+def _uses(root: Path, tree: ast.Module, inside: Module | None) -> Iterator[Use]:
     known = modules(root)
     aliases: dict[str, str] = {}
     for node in nodes(tree):

@@ -18,7 +18,7 @@ from types import ModuleType
 
 import pytest
 
-from structure import callers, imports, pages
+from structure import callers, imports, modules, pages
 from structure.docstrings import judged, misread
 from structure.map import drawn
 from structure.modules import Module
@@ -40,15 +40,19 @@ __all__ = ["Found", "design"]
 class Found:
     low: float
     def width(self): ...
-def design(*, floor=0.0) -> Found: bisect()
+def design(*, floor=0.0) -> Found:
+    bisect()
+    return _found(floor)
+def _found(floor): ...
 """,
     "nrdob/numerics/__init__.py": "from .bisect import bisect\n__all__ = ['bisect']",
-    "nrdob/numerics/bisect.py": "__all__ = ['bisect']\ndef bisect(): ...\ndef halve(): ...",
+    "nrdob/numerics/bisect.py": "__all__ = ['bisect']\ndef bisect(): halve()\ndef halve(): ...",
     "notebooks/01_first.ipynb": [
         "import nrdob\nfrom nrdob.design import cards, design",
         "%matplotlib inline\ncards.bound()\nnrdob.design()\nnrdob.sampling.draw()",
     ],
-    "README.md": "Type `make book`; the rest is in `nrdob/design/`.",
+    "nrdob/page.html.j2": "{{ found.low }}",
+    "README.md": "Type `make book`; `design(floor=1).width` is in `nrdob/design/`.",
     "CONTRIBUTING.md": """
 | Subpackage | What is in it |
 |---|---|
@@ -60,6 +64,8 @@ def design(*, floor=0.0) -> Found: bisect()
     "book/api.md": "{py:obj}`~nrdob.design.search.design`",
 }
 """A package in order."""
+
+CHECKS = (imports.faults, callers.faults, modules.faults, pages.faults)
 
 Change = Callable[[str], str]
 
@@ -103,13 +109,7 @@ def project(tmp_path: Path) -> Path:
 
 
 def test_the_small_package_is_in_order(project: Path) -> None:
-    checks = (imports.faults, callers.faults, pages.faults)
-    assert [fault for check in checks for fault in check(project)] == []
-    assert list(callers.members(project)) == [
-        "nrdob/design/search.py:4: Found.low",
-        "nrdob/design/search.py:4: Found.width",
-        "nrdob/design/search.py:7: design(floor=)",
-    ]
+    assert [fault for check in CHECKS for fault in check(project)] == []
 
 
 # --- the contracts of imports -------------------------------------------------------------------
@@ -221,6 +221,29 @@ WRONG: dict[str, tuple[str, Change, str]] = {
         "nrdob/numerics/__init__.py:1: nrdob.numerics.halve has no caller: use it in a chapter or "
         "on a page, or take it out of __all__",
     ),
+    "a page that says a word": (
+        "README.md", instead("design(floor=1).width", "design, floor and width"),
+        "nrdob/design/search.py:4: Found.width has no user: take it out, or use it in a chapter or "
+        "on a page",
+    ),
+    "a parameter that nobody gives": (
+        "README.md", instead("floor=1", ""),
+        "nrdob/design/search.py:7: design(floor=) has no user: take it out, or use it in a chapter "
+        "or on a page",
+    ),
+    "shown to nobody": (
+        "nrdob/design/search.py", instead('"design"]', '"design", "_found"]'),
+        "nrdob/design/search.py:1: nrdob.design.search shows _found, which no other file uses: "
+        "take it out of __all__",
+    ),
+    "kept for nothing": (
+        "nrdob/sampling.py", also("_SEED = 1"),
+        "nrdob/sampling.py:1: nrdob.sampling does not use its _SEED: take it out",
+    ),
+    "too long": (
+        "nrdob/sampling.py", also("\n" * 500),
+        "nrdob/sampling.py:504: more than 500 lines: part it",
+    ),
     "a subpackage in no table": (
         "nrdob/attic/__init__.py", text(NONE),
         "CONTRIBUTING.md:2: nrdob.attic has no row in the table",
@@ -248,14 +271,29 @@ WRONG: dict[str, tuple[str, Change, str]] = {
 def test_what_breaks_a_rule_is_named_with_its_place(project: Path, kind: str) -> None:
     place, by, fault = WRONG[kind]
     change(project, place, by)
-    checks = (imports.faults, callers.faults, pages.faults)
-    assert fault in [found for check in checks for found in check(project)]
+    assert fault in [found for check in CHECKS for found in check(project)]
 
 
 def test_a_page_that_names_something_as_code_is_its_caller(project: Path) -> None:
     change(project, "nrdob/sampling.py", instead("['draw']", "['draw', 'redraw']"))
     change(project, "README.md", also("Draw again with `redraw(rng)`."))
     assert list(callers.faults(project)) == []
+
+
+@pytest.mark.parametrize(
+    ("page", "said"), [("README.md", "Then `redraw`."), ("book/api.md", "`redraw(rng)`.")]
+)
+def test_a_mere_word_and_a_list_of_everything_are_no_callers(
+    project: Path, page: str, said: str
+) -> None:
+    change(project, "nrdob/sampling.py", instead("['draw']", "['draw', 'redraw']"))
+    change(project, page, also(said))
+    assert any("redraw has no caller" in fault for fault in callers.faults(project))
+
+
+@pytest.mark.slow
+def test_what_is_allowed_to_have_no_user_has_none() -> None:
+    assert callers.USED_OTHERWISE.keys() <= {name for _, name in callers.members(ROOT)}
 
 
 # --- docstrings -----------------------------------------------------------------------------------

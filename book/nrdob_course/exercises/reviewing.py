@@ -22,7 +22,7 @@ from .problems import BUDGET, Case, Feedback, Lack, Misconception, Problem, text
 from .reading import UnreadableError
 
 __all__ = [
-    "BLANK", "ENDED", "HARD_CODED", "HIDDEN", "HIDDEN_CASES", "NOBODY", "NOTHING", "NOT_NOW",
+    "BLANK", "HARD_CODED", "HIDDEN", "HIDDEN_CASES", "NOBODY", "NOTHING", "NOT_NOW",
     "OTHER", "ROUNDED", "TOO_SLOW", "VISIBLE_CASES", "review", "timed",
 ]  # fmt: skip
 
