@@ -17,7 +17,8 @@ class Address(MetadataHookInterface):
         settings = tomllib.loads((root / "pyproject.toml").read_text("utf-8"))
         text = (root / "README.md").read_text("utf-8")
         metadata["urls"] = {}
-        if address := settings["tool"]["nrdob"]["repository"]:
+        # As it is copied from the page or for git; book/ext/getting.py takes it likewise.
+        if address := settings["tool"]["nrdob"]["repository"].rstrip("/").removesuffix(".git"):
             metadata["urls"] = {"Source": address}
             text = re.sub(r"\]\((?!\w+:|#)", f"]({address}/blob/main/", text)
             text = re.sub(r'src="(?!\w+:)', f'src="{address}/raw/main/', text)

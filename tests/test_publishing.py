@@ -7,6 +7,7 @@ import shutil
 import tarfile
 import tomllib
 import zipfile
+from collections.abc import Iterator
 from email.parser import Parser
 from pathlib import Path
 
@@ -18,7 +19,10 @@ SETTINGS = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))
 PROJECT = SETTINGS["project"]
 WORKFLOWS = sorted((ROOT / ".github" / "workflows").glob("*.yml"))
 
-KEPT = (".github", "binder", "book/ext", "book/make", "book/teaching", "nrdob", "recipe", "tests")
+KEPT = (
+    ".github", "binder", "book/ext", "book/make", "book/teaching", "notebooks", "nrdob", "recipe",
+    "tests",
+)  # fmt: skip
 
 CONDA = {"matplotlib": "matplotlib-base"}
 """Names that differ there: without the parts for windows on a screen."""
@@ -39,7 +43,7 @@ def built(tmp_path_factory: pytest.TempPathFactory) -> Path:
         shutil.copy(path, place)
     shutil.copy(ROOT / "book" / "pyproject.toml", place / "book")
     settings = (place / "pyproject.toml").read_text("utf-8")
-    given = settings.replace('repository = ""', 'repository = "https://example.org/nrdob"')
+    given = settings.replace('repository = ""', 'repository = "https://example.org/nrdob.git/"')
     assert given != settings
     (place / "pyproject.toml").write_text(given, "utf-8")
     for module, kind in zip(builders, ("WheelBuilder", "SdistBuilder"), strict=True):
@@ -148,12 +152,36 @@ def test_the_release_publishes_by_trust_and_the_address_stands_in_one_place() ->
     publish = release["jobs"]["publish"]
     assert publish["permissions"]["id-token"] == "write" and publish["environment"]
     assert not re.search(r"password|secrets\.", yaml.safe_dump(release))
-    address = SETTINGS["tool"]["nrdob"]["repository"]
-    kept = [path for folder in KEPT for path in (ROOT / folder).rglob("*.*")]
-    files = [*kept, *filter(Path.is_file, ROOT.glob("[!p]*"))]
-    texts = {path: path.read_bytes() for path in files if path.is_file()}
-    assert not [path for path, text in texts.items() if address and address.encode() in text]
-    assert len(texts) > 300
+    assert len(list(texts_of(ROOT))) > 300
+    assert list(with_an_address(ROOT)) == []
+
+
+def texts_of(root: Path) -> Iterator[Path]:
+    """Give what is read by people, and what runs; pyproject.toml has the address."""
+    inside = [path for folder in KEPT for path in (root / folder).rglob("*.*")]
+    yield from filter(Path.is_file, [*inside, *root.glob("[!p]*"), *root.glob("book/*.*")])
+
+
+def with_an_address(root: Path) -> Iterator[Path]:
+    """Give the texts that write where the project lives: as it is set, or on GitHub by its name."""
+    address = SETTINGS["tool"]["nrdob"]["repository"].encode()
+    own = re.compile(rb"github(usercontent)?(\.\w+)?/[\w./-]*nrdob")
+    for path in texts_of(root):
+        text = path.read_bytes()
+        if (address and address in text) or own.search(text):
+            yield path
+
+
+@pytest.mark.parametrize(
+    "place",
+    ["README.md", "CITATION.cff", "book/get.md", "notebooks/01.ipynb", ".github/workflows/ci.yml"],
+)
+@pytest.mark.parametrize("host", ["github.com/owner", "owner.github.io"])
+def test_an_address_written_elsewhere_is_found(place: str, host: str, tmp_path: Path) -> None:
+    path = tmp_path / place
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_text(f"See https://{host}/nrdob/issues.", "utf-8")
+    assert list(with_an_address(tmp_path)) == [path]
 
 
 def test_the_lock_has_the_pins_and_a_hash_for_each():
