@@ -7,7 +7,8 @@ from math import inf
 import control as ct
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import assume, given, settings
+from hypothesis import strategies as st
 
 import nrdob
 from nrdob import NRDOB, LowPassFilter
@@ -160,21 +161,19 @@ def test_candidates_are_written_with_what_they_allow():
 
 
 @pytest.mark.thorough
-@settings(max_examples=12)
-@given(fractions())
-def test_what_is_promised_holds(process):
-    try:
-        candidates = suggest_model(process)
-    except ValueError as refusal:
-        if "zero at s = 0" not in str(refusal):
-            raise
-        return
+@settings(max_examples=8)
+@given(fractions(), st.floats(-2, 0))
+def test_what_is_promised_holds(process, dead_time):
+    # Without a dead time nearly every model has a filter as fast as one likes, or none.
+    late = nrdob.delay(10**dead_time) * process
+    candidates = suggest_model(late)
     ranks = [candidate.fastest is None for candidate in candidates]
     assert ranks == sorted(ranks)
+    assume(not ranks[0])
     for candidate in candidates:
         if candidate.fastest:
             filter = LowPassFilter(candidate.fastest, candidate.order)
-            found = NRDOB(process, candidate.model, 0.0, filter).margins().plant_loop
+            found = NRDOB(late, candidate.model, 0.0, filter).margins().plant_loop
             assert found.stable and found.ms == pytest.approx(2.0, rel=1e-4)
 
 
