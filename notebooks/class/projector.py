@@ -6,6 +6,8 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Any
 
+from matplotlib.figure import Figure
+
 from nrdob.plotting import figure
 
 LARGE, SMALL = (5.0, 2.55), (2.8, 2.15)
@@ -19,6 +21,7 @@ def slide(columns: int = 1, size: tuple[float, float] = LARGE) -> Iterator[Any]:
     """Draw in the style of the book: gives the axes, or a list of as many as there are columns."""
     (only,) = figure.axes_for(None, 1, size[1])
     picture = only.figure
+    assert isinstance(picture, Figure)  # and no part of one
     picture.set_size_inches(*size)
     with figure.styled():
         if columns == 1:
