@@ -21,12 +21,13 @@ import flint
 import numpy as np
 
 import nrdob
+from tests.oracles.contour import rhp_by_argument, value_at
 
 from .runner import asked
 
 DIGITS = 100
-SHORT = 300.0
-"""Largest crossing frequency times dead time at which the argument is followed as well."""
+MOST_BALLS = 1000
+"""For the argument, which is followed where the dead time is short enough."""
 
 
 class Blocks(NamedTuple):
@@ -252,7 +253,7 @@ def rhp_with_delay(q: flint.fmpq_poly, r: flint.fmpq_poly, delay: float) -> int 
         omega = flint.arb(x.real).sqrt()
         side = _sign_beyond(q, r, x.real)
         s = flint.acb(0, omega)
-        phase = (-_at(r, s) / _at(q, s)).arg() / (2 * flint.arb.pi())
+        phase = (-value_at(r, s) / value_at(q, s)).arg() / (2 * flint.arb.pi())
         turns = omega * T / (2 * flint.arb.pi()) - phase
         start = -phase  # crossings between the dead times 0 and T
         counted = turns.floor().unique_fmpz(), start.floor().unique_fmpz()
@@ -277,51 +278,10 @@ def _squared(q: flint.fmpq_poly, r: flint.fmpq_poly) -> flint.fmpq_poly:
 
 def _sign_beyond(q: flint.fmpq_poly, r: flint.fmpq_poly, x: flint.arb) -> int:
     slope = _squared(q, r).derivative()
-    value = _at(slope, flint.acb(x)).real
+    value = value_at(slope, flint.acb(x)).real
     if not (value > 0 or value < 0):
         raise ArithmeticError("a multiple crossing")
     return 1 if value > 0 else -1
-
-
-def _at(p: flint.fmpq_poly, s: flint.acb) -> flint.acb:
-    value = flint.acb(0)
-    for k in range(p.degree(), -1, -1):
-        value = value * s + flint.acb(flint.arb(p[k]))
-    return value
-
-
-def rhp_by_argument(q: flint.fmpq_poly, r: flint.fmpq_poly, delay: float) -> int | None:
-    """The argument along the axis in balls; None where that takes too many steps."""
-    flint.ctx.dps = 30
-    T = flint.arb(delay)
-
-    def value(low: float, high: float) -> flint.acb:
-        omega = flint.arb((low + high) / 2, (high - low) / 2 * 1.0001)
-        s = flint.acb(0, omega)
-        return _at(q, s) + _at(r, s) * (-T * s).exp()
-
-    n, lead = q.degree(), abs(float(q[q.degree()]))
-    if r.degree() == n:
-        lead -= abs(float(r[n]))
-    # Beyond twice the largest of these the leading terms keep p in a half plane.
-    sizes = [abs(float(q[k])) + abs(float(r[k])) for k in range(n)]
-    top = max(2 * (2 * size / lead) ** (1 / (n - k)) for k, size in enumerate(sizes))
-    if top * delay > SHORT:
-        return None
-    todo, angle, steps = [(0.0, top)], 0.0, 0
-    while todo:
-        low, high = todo.pop()
-        steps += 1
-        if steps > 3000:
-            return None
-        if value(low, high).contains(0):
-            middle = (low + high) / 2
-            todo += [(middle, high), (low, middle)]
-            continue
-        angle += float((value(high, high) / value(low, low)).arg().mid())
-    end = flint.acb(flint.arb(q[n])) * flint.acb(0, 1) ** n
-    angle += float((end / value(top, top)).arg().mid())
-    return round(n / 2 - angle / math.pi)
 
 
 def truth(loop: nrdob.NRDOB) -> tuple[int | None, float | None]:
@@ -337,7 +297,7 @@ def truth(loop: nrdob.NRDOB) -> tuple[int | None, float | None]:
     if m > n or (m == n and abs(r[m] / q[n]) > 1):
         return Z_A, math.inf
     Z_B = rhp_with_delay(q, r, loop.delay)
-    by_argument = rhp_by_argument(q, r, loop.delay)
+    by_argument = rhp_by_argument([(q, 0.0), (r, loop.delay)], MOST_BALLS)
     if Z_B is not None and by_argument is not None and by_argument != Z_B:
         raise ArithmeticError(f"the oracles disagree: {Z_B} and {by_argument}")
     return Z_A, by_argument if Z_B is None else Z_B

@@ -12,8 +12,8 @@ MOST_BALLS = 20_000
 """Balls after which the count is given up, as it is next to a root on the axis."""
 
 
-def rhp_by_argument(found: Terms) -> float | None:
-    """Roots in the open right half plane; None where that takes too many balls.
+def rhp_by_argument(found: Terms, most: int = MOST_BALLS) -> float | None:
+    """Roots in the open right half plane; None where that takes more than `most` balls.
 
     Each piece of the axis is a ball of s, in whose image 0 is not: there the argument changes by
     less than half a turn, and is that of the quotient of both ends. Beyond `top` the leading terms
@@ -31,13 +31,13 @@ def rhp_by_argument(found: Terms) -> float | None:
 
     def value(low, high):
         s = flint.acb(0, flint.arb((low + high) / 2, (high - low) / 2 * 1.0001))
-        return sum((_at(p, s) * (-flint.arb(T) * s).exp() for p, T in found), flint.acb(0))
+        return sum((value_at(p, s) * (-flint.arb(T) * s).exp() for p, T in found), flint.acb(0))
 
     todo, angle, count = [(0.0, top)], 0.0, 0
     while todo:
         low, high = todo.pop()
         count += 1
-        if count > MOST_BALLS or high - low < 1e-13 * high:
+        if count > most or high - low < 1e-13 * high:
             return None
         if value(low, high).contains(0):
             middle = (low + high) / 2
@@ -49,7 +49,8 @@ def rhp_by_argument(found: Terms) -> float | None:
     return round(n / 2 - angle / math.pi)
 
 
-def _at(p: flint.fmpq_poly, s: flint.acb) -> flint.acb:
+def value_at(p: flint.fmpq_poly, s: flint.acb) -> flint.acb:
+    """Evaluate a polynomial in balls."""
     value = flint.acb(0)
     for k in range(p.degree(), -1, -1):
         value = value * s + flint.acb(flint.arb(p[k]))
