@@ -8,7 +8,7 @@ so near to one that the verdict is left open, are not judged.
 
 from __future__ import annotations
 
-from collections import Counter
+from functools import partial
 from itertools import permutations
 from typing import Any
 
@@ -20,7 +20,7 @@ from nrdob import filter_family
 from nrdob.design import Region, StabilityChart
 from nrdob.diagram import DelayedTransferFunction
 
-from .runner import print_tally
+from .runner import labelled, print_tally
 
 POINTS = 40
 
@@ -33,12 +33,6 @@ def region_at(chart: StabilityChart, x: float, y: float) -> Region | None:
     row, column = int(chart.y.share(y) * rows), int(chart.x.share(x) * columns)
     found = int(chart.labels[row, column])
     return chart.regions[found - 1] if found else None
-
-
-def campaign(count: int, seed: int) -> Counter[str]:
-    """Count what became of random charts; "WRONG" begins the name of every fault."""
-    rng = np.random.default_rng(seed)
-    return Counter(_chart(rng, f"seed {seed}, number {k}") for k in range(count))
 
 
 def random_chart(rng: np.random.Generator) -> tuple[tuple[Any, Any, Any], dict[str, Any]]:
@@ -121,6 +115,8 @@ def judged(blocks: tuple[Any, Any, Any], given: dict[str, float]) -> float | Non
     found = nrdob.judge_observer(nrdob.delay(given.get("delay", delay)) * process, model, filter)
     return found.closed_loop_rhp if found.stable is not None else None
 
+
+campaign = partial(labelled, _chart)
 
 if __name__ == "__main__":
     print_tally(campaign, __doc__, 300)

@@ -5,7 +5,7 @@ python -m tests.campaigns.designs --count 1000 --seed 0
 
 from __future__ import annotations
 
-from collections import Counter
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -17,7 +17,7 @@ from nrdob.design.mismatch import Mismatch
 from nrdob.diagram import ObserverEquations
 
 from .plants import plant_and_model
-from .runner import print_tally
+from .runner import labelled, print_tally
 
 PER_DECADE = 100
 """Time constants of the scan."""
@@ -27,12 +27,6 @@ EXACT_EACH = 12
 
 Where the verdict is left open a mode is too narrow for the margins, too.
 """
-
-
-def campaign(count: int, seed: int) -> Counter[str]:
-    """Count what became of random designs; "WRONG" begins the name of every fault."""
-    rng = np.random.default_rng(seed)
-    return Counter(_design(rng, f"seed {seed}, number {k}") for k in range(count))
 
 
 def _design(rng: np.random.Generator, label: str) -> str:
@@ -125,6 +119,8 @@ def _limit(rng: np.random.Generator, scan: tuple[np.ndarray, np.ndarray]) -> flo
     best = float(scan[1].min()) * (1 + tight)
     return max(1.0001, best if rng.random() < 0.5 else float(rng.uniform(1.1, 3.0)))
 
+
+campaign = partial(labelled, _design)
 
 if __name__ == "__main__":
     print_tally(campaign, __doc__, 1000)

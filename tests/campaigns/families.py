@@ -7,7 +7,7 @@ Some of the models wait: as long as the process, nearly so, or as they like.
 
 from __future__ import annotations
 
-from collections import Counter
+from functools import partial
 
 import control as ct
 import numpy as np
@@ -18,7 +18,7 @@ from nrdob.diagram import DelayedTransferFunction, FilterFamily
 from nrdob.sampling import random_block
 
 from .plants import plant_and_model
-from .runner import print_tally
+from .runner import labelled, print_tally
 from .sets import floor_of
 
 BESIDE = 1e-5
@@ -27,12 +27,6 @@ BESIDE = 1e-5
 SCANNED = 16
 
 KINDS = ["butterworth", "bessel", "ramp", "interpolating", "own"]
-
-
-def campaign(count: int, seed: int) -> Counter[str]:
-    """Count what became of random sets; "WRONG" begins the name of every fault."""
-    rng = np.random.default_rng(seed)
-    return Counter(_set(rng, f"seed {seed}, number {k}") for k in range(count))
 
 
 def _loop(rng: np.random.Generator):
@@ -100,6 +94,8 @@ def _set(rng: np.random.Generator, label: str) -> str:
     waits = isinstance(model, DelayedTransferFunction)
     return f"{family.kind}: right{', waits' if waits else ''}"
 
+
+campaign = partial(labelled, _set)
 
 if __name__ == "__main__":
     print_tally(campaign, __doc__, 500)

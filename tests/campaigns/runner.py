@@ -49,6 +49,14 @@ def tallied(
     return tally
 
 
+def labelled(
+    outcome: Callable[[np.random.Generator, str], str], count: int, seed: int
+) -> Counter[str]:
+    """Count outcomes of random cases, which get their label; "WRONG" begins that of a fault."""
+    rng = np.random.default_rng(seed)
+    return Counter(outcome(rng, f"seed {seed}, number {k}") for k in range(count))
+
+
 def print_tally(
     campaign: Callable[[int, int], dict[str, int]], description: str, count: int
 ) -> None:

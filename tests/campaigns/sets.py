@@ -5,7 +5,7 @@ python -m tests.campaigns.sets --count 2000 --seed 0
 
 from __future__ import annotations
 
-from collections import Counter
+from functools import partial
 
 import numpy as np
 
@@ -14,7 +14,7 @@ from nrdob.design.mismatch import Mismatch
 from nrdob.design.mismatchgrid import Frequencies
 
 from .plants import plant_and_model
-from .runner import print_tally
+from .runner import labelled, print_tally
 
 BESIDE = 1e-5
 """How far inside and outside an end the roots are counted."""
@@ -25,12 +25,6 @@ SCANNED = 24
 def floor_of(process, model, filters):
     """Give the time constant down to which sets are complete by default."""
     return Frequencies(Mismatch.of(process, model, filters)).lowest_floor
-
-
-def campaign(count: int, seed: int) -> Counter[str]:
-    """Count what became of random sets; "WRONG" begins the name of every fault."""
-    rng = np.random.default_rng(seed)
-    return Counter(_set(rng, f"seed {seed}, number {k}") for k in range(count))
 
 
 def _set(rng: np.random.Generator, label: str) -> str:
@@ -61,6 +55,8 @@ def _set(rng: np.random.Generator, label: str) -> str:
             return f"WRONG {kind}"
     return f"{kind}: right"
 
+
+campaign = partial(labelled, _set)
 
 if __name__ == "__main__":
     print_tally(campaign, __doc__, 2000)
