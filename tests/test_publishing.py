@@ -82,6 +82,8 @@ def test_students_are_told_of_the_wheel_with_the_checks_which_can_grade_too(buil
     (course,) = built.with_name("course").glob("*.whl")
     names = {name.removeprefix("nrdob_course/") for name in zipfile.ZipFile(course).namelist()}
     assert {"exercises/set1.toml", "sets/source/set1/set1.ipynb", "problems.toml"} <= names
+    (licence,) = (each for each in names if each.endswith("licenses/nrdob_course/LICENSE"))
+    assert zipfile.ZipFile(course).read(licence) == (ROOT / "LICENSE").read_bytes()
     told = (ROOT / "book" / "teaching" / "running.md").read_text("utf-8")
     (install,) = re.findall(r"^python -m pip install (nrdob.*)$", told, re.MULTILINE)
     assert install.split() == [*(each.name for each in built.glob("*.whl")), course.name]

@@ -13,9 +13,9 @@ from pages import ROOT, options
 
 TO_RUN = (
     "notebooks/*.ipynb", "notebooks/class/*", "nrdob/**/*", "book/pyproject.toml",
-    "book/nrdob_course/*.py", "book/nrdob_course/[ceg]*/**/*.*", "binder/requirements.txt",
-    "requirements.txt", "pyproject.toml", "hatch_build.py", "README.md", "LICENSE", "LICENSE-text",
-    "CITATION.cff",
+    "book/nrdob_course/*.py", "book/nrdob_course/LICENSE", "book/nrdob_course/[ceg]*/**/*.*",
+    "binder/requirements.txt", "requirements.txt", "pyproject.toml", "hatch_build.py", "README.md",
+    "LICENSE", "LICENSE-text", "CITATION.cff",
 )  # fmt: skip
 """The notebooks with their outputs, the packages, and what installs them."""
 
