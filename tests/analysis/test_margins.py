@@ -512,7 +512,7 @@ def test_encirclements_of_a_transfer_function_are_controls():
 # The symmetric disk margin.
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 @pytest.mark.parametrize("number", [1, 2, 3])
 @pytest.mark.parametrize("name", ["CGm", "FH", "L"])
 def test_the_disk_margin_is_controls_on_a_dense_grid(number, name):

@@ -36,7 +36,7 @@ def mismatches(draw):
     return process, model, max(1, relative_degree) + draw(st.integers(0, 3))
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 @given(mismatches())
 def test_the_ends_of_the_exact_set_are_as_the_limits_say(case):
     intervals = stabilizing_time_constants(*case)

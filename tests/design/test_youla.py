@@ -13,7 +13,7 @@ from nrdob.sampling import random_block
 s = ct.tf("s")
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 def test_random_controllers_have_stable_blocks_where_the_closed_loop_has():
     rng, seen = np.random.default_rng(5), set()
     for _ in range(120):
@@ -64,7 +64,7 @@ def test_stable_models_exist_by_parity():
     assert stable_model_exists((s - 1) * (s - 2) / ((s - 2) * (s + 5) ** 2)).holds is True
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 def test_no_stable_model_that_was_tried_stabilises_against_parity():
     rng, K = np.random.default_rng(0), (s - 1) / ((s - 2) * (s + 5))
     for _ in range(300):
