@@ -239,6 +239,7 @@ def test_gain_bound_refuses_no_lag_at_all(order):
         gain_bound(order)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("order", [1, 2, 3])
 @pytest.mark.parametrize(
     "process",
