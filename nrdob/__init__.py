@@ -3,8 +3,9 @@
 The names below are what most loops need, by topic. The rest is in the subpackages: `analysis`
 (verdicts, margins, responses), `design` (filters, models and controllers), `digital` (the loop on a
 processor), `alternatives` (PI, Smith predictor, ADRC), `measured` (identification), `uncertain`
-(families of plants), `certificates` (proofs of a verdict), `reporting` (reports), `diagram` (blocks
-and the maps between them), `numerics` (polynomials with dead times) and `plotting` (figures).
+(families of plants), `drives` (encoder, friction, two masses), `certificates` (proofs of verdicts),
+`reporting` (reports), `diagram` (blocks and the maps between them), `numerics` (polynomials with
+dead times) and `plotting` (figures).
 """
 
 from typing import TYPE_CHECKING, Any

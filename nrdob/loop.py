@@ -1,4 +1,4 @@
-"""The front door: an NR-DOB loop that answers for itself."""
+"""An NR-DOB loop, with its verdict, margins, responses and plots."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ class NRDOB(LoopEquations):
     ----------
     process, model : control.TransferFunction, StateSpace, DelayedTransferFunction or (num, den)
         The plant G and the process model G̃, proper, with or without dead time. The inverse leaves
-        that of the model out, and u waits for it, see `nrdob.diagram.equations`.
+        that of the model out, and u is delayed by it, see `nrdob.diagram.equations`.
     controller : control.TransferFunction, StateSpace, number or (num, den)
         The feedback controller C, proper.
     filter : LowPassFilter, or a stable proper block with F(0) = 1

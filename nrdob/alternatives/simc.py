@@ -174,8 +174,8 @@ def _closed(process: Any, order: int, closed_loop_time: Any) -> NRDOB:
     if order == 2 and not found.second:
         raise ValueError("the process has one lag, and a PID needs two: take a PI")
     filtered = min(found.second / DERIVATIVE, tc / LOOP)
-    wait = tc + found.delay + filtered
-    gain, integral = 1 / (found.slope * wait), min(found.first, 4 * wait)
+    total = tc + found.delay + filtered
+    gain, integral = 1 / (found.slope * total), min(found.first, 4 * total)
     num, den = np.array([gain * integral, gain]), np.array([integral, 0.0])
     model = [found.slope], [1.0, 0.0 if found.first == inf else 1 / found.first]
     if order == 2:

@@ -254,17 +254,17 @@ def observer_stability(loop: LoopEquations) -> LoopStability:
 def _held_at_origin(loop: LoopEquations) -> str:
     """Explain p_B(0) = D(0) Nm(0) E(0) + N(0) Dm(0) = 0."""
     integrators, kept = -loop.Gm.zeros_at_origin, loop.built.Dm.zeros_at_origin
-    waits = " exp(-θm s)" if loop.model_delay else ""
+    lag = " exp(-θm s)" if loop.model_delay else ""
     if kept and loop.keep_factors:
         return (
             "for every filter: the model has an integrator; give it a slow stable pole instead, or "
-            f"build (1 - F{waits})·model as one block (keep_factors=False), without what cancels "
+            f"build (1 - F{lag})·model as one block (keep_factors=False), without what cancels "
             "in it"
         )
     if kept:
         return (
-            f"the model has {integrators} integrators, of which (1 - F{waits})·model keeps {kept}: "
-            f"take a filter with 1 - F{waits} ~ s^{integrators}, such as "
+            f"the model has {integrators} integrators, of which (1 - F{lag})·model keeps {kept}: "
+            f"take a filter with 1 - F{lag} ~ s^{integrators}, such as "
             "nrdob.interpolating_filter(model, time_constant)"
         )
     if integrators > 0:
@@ -278,12 +278,12 @@ def _held_at_origin(loop: LoopEquations) -> str:
 def _cancelled(loop: LoopEquations) -> str:
     """Name, after a reason, what has cancelled inside a block, and what rests on rounding."""
     notes = []
-    waits = loop.model_delay > 0
-    prediction = "(1-F exp(-θm s))Gm0" if waits else "(1-F)Gm"
+    delayed = loop.model_delay > 0
+    prediction = "(1-F exp(-θm s))Gm0" if delayed else "(1-F)Gm"
     for common, block in ((loop.built.zeros, "F/Gm"), (loop.built.poles, prediction)):
         if common.degree:
             note = f"{_named(common.roots)} inside {block}"
-            if waits and block == prediction:
+            if delayed and block == prediction:
                 note += ", which takes a memory of length θm, not a difference of two integrators"
             if (fragile := unstable_roots(common)).size:
                 note += f", {_named(fragile)} to rounding only: build {block} as one"

@@ -156,7 +156,7 @@ def _marching(
         ((blocks, delay, _),) = behind
         march = delayed_response(blocks, free, delay)
         return lambda times: march(times * unit)
-    # Where v = u + δ is what comes out, what waits in the model is v - δ.
+    # Where v = u + δ is what comes out, what is delayed in the model is v - δ.
     nothing, delta = np.zeros(0), np.zeros(integrals)
     delta[0] = unit ** (1 - integrals)
     driven = [
@@ -176,7 +176,7 @@ def _behind_the_delays(loop: LoopEquations) -> list[tuple[Rational, float, bool]
     num, den = _feedback(loop)
     if not loop.delay:
         both = _product(G.num, Gm.num, F.num), _product(G.den, Gm.num, F.num)
-        return [((both, _without_waiting(loop)), loop.model_delay, False)]
+        return [((both, _before_the_delay(loop)), loop.model_delay, False)]
     process = (np.convolve(G.num, den), -np.convolve(G.num, num)), np.convolve(G.den, den)
     found: list[tuple[Rational, float, bool]] = [(process, loop.delay, True)]
     if loop.model_delay:
@@ -205,7 +205,7 @@ def _beside_the_delays(loop: LoopEquations, input: str) -> Rational:
             "eta": ((nothing, -num), den),
             "delta": ((nothing, one), one),
         }[input]
-    closed = _without_waiting(loop)
+    closed = _before_the_delay(loop)
     to_y, to_v = _product(G.num, den), _product(G.den, den)
     around, back = _product(G.num, num), _product(G.den, num)
     return {
@@ -216,8 +216,8 @@ def _beside_the_delays(loop: LoopEquations, input: str) -> Rational:
     }[input]
 
 
-def _without_waiting(loop: LoopEquations) -> FloatArray:
-    """D Nm Df + N Dm Nf, what a process without dead time does while the model still waits."""
+def _before_the_delay(loop: LoopEquations) -> FloatArray:
+    """D Nm Df + N Dm Nf: a process without dead time, until that of the model is over."""
     G, (num, den) = loop.fractions.G, _feedback(loop)
     return add(_product(G.den, den), _product(G.num, num))
 

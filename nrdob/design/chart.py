@@ -273,8 +273,8 @@ def _ms_levels(
 def _peaks(loops: ChartLoops, given: dict[str, Any], omega: FloatArray) -> FloatArray:
     """Peak of the sensitivity of each stable loop, one a row."""
     values = loops.fixed | given
-    ahead, behind, waits = loops.mismatch.terms(omega, values["time_constant"])
-    ahead = (ahead + waits) * (1 + 1j * values["lag"] * omega)
+    ahead, behind, delayed = loops.mismatch.terms(omega, values["time_constant"])
+    ahead = (ahead + delayed) * (1 + 1j * values["lag"] * omega)
     behind = behind * values["gain"] * np.exp(-1j * values["delay"] * omega)
     with np.errstate(all="ignore"):
         size = np.log(np.abs(ahead / (ahead + behind)))

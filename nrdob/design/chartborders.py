@@ -91,10 +91,10 @@ class ChartLoops:
 
     def ratio(self, omega: FloatArray, lam: Any = 1.0) -> ComplexArray:
         """W = -A/B, times exp(jωθ) where θ is on no axis."""
-        ahead, behind, waits = self.mismatch.terms(omega, np.asarray(lam))
+        ahead, behind, delayed = self.mismatch.terms(omega, np.asarray(lam))
         with np.errstate(all="ignore"):
             turned = np.exp(1j * omega * self.fixed["delay"])
-            return np.asarray(-(ahead + waits) / behind * turned)
+            return np.asarray(-(ahead + delayed) / behind * turned)
 
     def frequencies(self, axes: tuple[Axis, Axis]) -> FloatArray:
         """Frequencies over all that there is to see, fine enough for dead times that are fixed."""
@@ -106,7 +106,7 @@ class ChartLoops:
         low, high = sizes.min() / 1e4, sizes.max() * 1e4
         count = int(PER_DECADE * np.log10(high / low))
         omega = np.union1d(base[(base > low) & (base < high)], np.geomspace(low, high, count))
-        longest = max(mismatch.wait, self.fixed["delay"])
+        longest = max(mismatch.model_delay, self.fixed["delay"])
         if not longest:
             return omega[~mismatch.at_pole(omega)]
         last = self._last(omega, axes)
@@ -125,9 +125,9 @@ class ChartLoops:
         of = {axis.name: axis for axis in axes}
         timed, most = "time_constant" in of, of["gain"].high if "gain" in of else 1.0
         lambdas = np.geomspace(*of["time_constant"].positive, 40) if timed else np.ones(1)
-        ahead, behind, waits = map(np.abs, self.mismatch.terms(omega[:, None], lambdas))
+        ahead, behind, delayed = map(np.abs, self.mismatch.terms(omega[:, None], lambdas))
         with np.errstate(all="ignore"):
-            least = np.nanmin(ahead / (1.1 * most * behind + waits), axis=1)
+            least = np.nanmin(ahead / (1.1 * most * behind + delayed), axis=1)
         possible = np.flatnonzero(least <= 1.0)
         return float(omega[min(possible[-1] + 1, omega.size - 1)]) if possible.size else 0.0
 
@@ -286,12 +286,12 @@ def _ends(loops: ChartLoops, axes: tuple[Axis, Axis]) -> Iterator[Curve]:
     lambdas = values if first.name == "time_constant" else np.ones(1)
     whole = np.array([second.low, second.high])
     names, mismatch = {first.name, second.name}, loops.mismatch
-    ahead, behind, waits = mismatch.lowest(lambdas)
-    ends: list[tuple[float, FloatArray, FloatArray]] = [(0.0, -(ahead + waits), behind)]
-    ahead, behind, waits = mismatch.highest(lambdas, lagging="lag" in names)
+    ahead, behind, delayed = mismatch.lowest(lambdas)
+    ends: list[tuple[float, FloatArray, FloatArray]] = [(0.0, -(ahead + delayed), behind)]
+    ahead, behind, delayed = mismatch.highest(lambdas, lagging="lag" in names)
     if loops.fixed["delay"] or "delay" in names:
         ahead, behind = -np.abs(ahead), np.abs(behind)
-    ends.append((inf, -ahead - np.abs(waits), behind))
+    ends.append((inf, -ahead - np.abs(delayed), behind))
     for at, p, q in ends:
         with np.errstate(all="ignore"):
             gain = p / q

@@ -172,7 +172,7 @@ def stabilizing_filter_exists(process: Any, model: Any) -> Answer:
     parity = right_half_plane_parity(process, model)
     if not parity.holds and (mismatch.held_at_origin or not free_at_infinity):
         return parity
-    if mismatch.delay != mismatch.wait:
+    if mismatch.delay != mismatch.model_delay:
         return Answer(None, "with a dead time the signs at zero and at infinity forbid nothing")
     zeros = _real_zeros(b, a)
     signs = np.sign(np.polyval(a, zeros.real))
@@ -191,7 +191,7 @@ def stabilizing_filter_exists(process: Any, model: Any) -> Answer:
         rounding = "if that is not a complex pair: within rounding either may be true"
         return Answer(None, f"{lies}, {rounding}")
     interlaced = "a and b - a interlace: p_B can be positive on the whole positive real axis"
-    if mismatch.wait:
+    if mismatch.model_delay:
         return Answer(None, f"{interlaced}, and with a dead time that may not be enough")
     return Answer(True, interlaced)
 
@@ -225,12 +225,12 @@ def _made_for_common_roots(mismatch: Mismatch, shared: list[complex]) -> Answer:
     """Decide by the signs of κ whether an F exists that is made for the common poles and zeros."""
     N, D, Nm, Dm = mismatch.factors
     poles, zeros = _Common.of(D, Dm), _Common.of(N, Nm)
-    if mismatch.wait and poles.roots.size:
+    if mismatch.model_delay and poles.roots.size:
         pole = written(complex(poles.roots[0]), pair=True)
         return Answer(
             False,
-            f"process and model have a pole at {pole} in common, and the model waits: nothing "
-            "but integrators cancels inside (1 - F exp(-θm s))·model",
+            f"process and model have a pole at {pole} in common, and the model has a dead time: "
+            "nothing but integrators cancels inside (1 - F exp(-θm s))·model",
         )
     if not (poles.roots.size + zeros.roots.size) and any(shared):
         return Answer(

@@ -172,11 +172,11 @@ def stable_for_fast_filters(process: Any, model: Any, order: int) -> Answer:
     no: the slow roots tend to a zero of the process or a pole of the model at 100
     """
     mismatch = Mismatch.of(process, model, order)
-    if mismatch.delay and not mismatch.wait:
+    if mismatch.delay and not mismatch.model_delay:
         return Answer(False, "with a dead time ever more roots are unstable as λ falls")
     if mismatch.held_at_origin:
         return Answer(False, ROOT_AT_ORIGIN)
-    if mismatch.wait:
+    if mismatch.model_delay:
         return Answer(None, f"the model has a dead time: above a floor {EXACTLY}")
     N, _, _, Dm = mismatch.factors
     right, axis = roots_by_side(N, Dm)

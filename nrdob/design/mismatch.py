@@ -62,14 +62,14 @@ class Mismatch:
 
     The factors N, D, Nm and Dm are without what cancels inside the blocks but for m integrators;
     those that process and model have in common are in no factor. `zeros` is all of Nm, `delay` and
-    `wait` are θ and θm, `divided` is m. Row k of E and Nf holds the coefficients of λ^k, descending
-    in s; E is all of Df where the model has a dead time, else Df - Nf.
+    `model_delay` are θ and θm, `divided` is m. Row k of E and Nf holds the coefficients of λ^k,
+    descending in s; E is all of Df where the model has a dead time, else Df - Nf.
     """
 
     factors: Factors
     zeros: FloatArray
     delay: float
-    wait: float
+    model_delay: float
     family: FilterFamily
     E: FloatArray
     Nf: FloatArray
@@ -89,20 +89,20 @@ class Mismatch:
     @classmethod
     def in_loop(cls, loop: ObserverEquations, family: FilterFamily) -> Mismatch:
         """Take process and model of a loop, and a family in place of its filter."""
-        G, Gm, wait = loop.fractions.G, loop.fractions.Gm, loop.model_delay
-        held = min(QuasiPolynomial(Gm.den).zeros_at_origin, _common_ramp(family, wait))
+        G, Gm, model_delay = loop.fractions.G, loop.fractions.Gm, loop.model_delay
+        held = min(QuasiPolynomial(Gm.den).zeros_at_origin, _common_ramp(family, model_delay))
         both = min(held, QuasiPolynomial(G.den).zeros_at_origin)
         D, Dm = (p[: p.size - both] for p in (G.den, Gm.den))
         Nf, Nm = _without_shared(family.num, Gm.num)
         E = family.den
-        if not wait:
+        if not model_delay:
             integrators = np.zeros(held - both)
             E, rest = _without_shared(family.difference, Dm[: Dm.size - integrators.size])
             Dm = np.concatenate([rest, integrators])
         E, Nf = _by_powers(E, Nf)
         return cls(
-            factors=(G.num, D, Nm, Dm), zeros=Gm.num, delay=loop.delay, wait=wait, family=family,
-            E=E, Nf=Nf, divided=held - both,
+            factors=(G.num, D, Nm, Dm), zeros=Gm.num, delay=loop.delay, model_delay=model_delay,
+            family=family, E=E, Nf=Nf, divided=held - both,
         )  # fmt: skip
 
     def __post_init__(self) -> None:
@@ -123,7 +123,7 @@ class Mismatch:
     @property
     def longest_delay(self) -> float:
         """The longer of the two dead times, in seconds."""
-        return max(self.delay, self.wait)
+        return max(self.delay, self.model_delay)
 
     @property
     def held_at_origin(self) -> bool:
@@ -145,7 +145,7 @@ class Mismatch:
         """Sizes of all roots, those of the family too, and 1/θ, 1/θm, in rad/s; 1 for none."""
         rows = [row for table in (self.E, self.Nf) for row in table if np.count_nonzero(row) > 1]
         own = [QuasiPolynomial(np.trim_zeros(row, "f")).without_origin.roots for row in rows]
-        delays = [1 / delay for delay in (self.delay, self.wait) if delay]
+        delays = [1 / delay for delay in (self.delay, self.model_delay) if delay]
         sizes = np.concatenate([np.abs(self.roots), delays, *(np.abs(found) for found in own)])
         return sizes if sizes.size else np.ones(1)
 
@@ -172,7 +172,7 @@ class Mismatch:
         more = np.array([lag, 1.0]) if lag else np.ones(1)
         with np.errstate(over="ignore"):
             for table, factor, times in (
-                (self.E, self.a, more), (self.Nf, self.b, [gain]), (self.Nf, -self.waiting, more),
+                (self.E, self.a, more), (self.Nf, self.b, [gain]), (self.Nf, -self.delayed, more),
             ):  # fmt: skip
                 for of, found in ((np.asarray, parts), (np.abs, sizes)):
                     row = np.polyval(of(table)[::-1], time_constant)
@@ -184,29 +184,32 @@ class Mismatch:
                 "range of floating-point numbers: choose another unit of time"
             )
         late = self.delay if delay is None else delay
-        waits = (Term(parts[2], self.wait),) if self.wait else ()
+        delayed = (Term(parts[2], self.model_delay),) if self.model_delay else ()
         ahead, behind, scale = parts[0], parts[1], reduce(add, sizes)
-        p = QuasiPolynomial(ahead, behind, late, scale, waits, origin=self.divided)
+        p = QuasiPolynomial(ahead, behind, late, scale, delayed, origin=self.divided)
         return p.over_s(self.divided)
 
     @cached_property
-    def waiting(self) -> FloatArray:
+    def delayed(self) -> FloatArray:
         """Coefficients of D Nm, which stand before the model's dead time; 0 without one."""
-        return np.convolve(self.factors[1], self.zeros) if self.wait else np.zeros(1)
+        return np.convolve(self.factors[1], self.zeros) if self.model_delay else np.zeros(1)
 
     @cached_property
     def behind(self) -> list[Term]:
         """What stands before Nf, by dead time; equal ones are added up."""
-        if self.wait and self.wait == self.delay:
-            return [Term(add(self.b, -self.waiting), self.delay)]
-        return [Term(self.b, self.delay), *([Term(-self.waiting, self.wait)] if self.wait else [])]
+        if self.model_delay and self.model_delay == self.delay:
+            return [Term(add(self.b, -self.delayed), self.delay)]
+        return [
+            Term(self.b, self.delay),
+            *([Term(-self.delayed, self.model_delay)] if self.model_delay else []),
+        ]
 
     # On the imaginary axis: a polynomial in λ at each frequency.
 
     def coefficients(self, omega: FloatArray, *, exact: bool = False) -> ComplexArray:
         """Coefficients of λ^k in p_B(jω), ascending, frequencies in columns; `exact` takes long."""
-        (a, b, waits), (E, Nf) = self._apart(omega, exact), self._tables(omega)
-        return np.asarray(a * E + (b + waits) * Nf)
+        (a, b, delayed), (E, Nf) = self._apart(omega, exact), self._tables(omega)
+        return np.asarray(a * E + (b + delayed) * Nf)
 
     def uncertainty(self, omega: FloatArray) -> FloatArray:
         """Bounds of the rounding errors of the coefficients."""
@@ -214,30 +217,30 @@ class Mismatch:
         off_a = sizes[1] * Nm + D * sizes[2]
         off_b = sizes[0] * Dm + N * sizes[3] + N * Dm * self.delay * omega / 8
         off_b = off_b / omega**self.divided
-        if self.wait:
+        if self.model_delay:
             zeros = np.abs(values_on_axis(self.zeros, omega))
             off_zeros = sizes[1] * zeros + D * np.polyval(np.abs(self.zeros), omega)
-            off_b = off_b + D * zeros * self.wait * omega / 8 / omega**self.divided
+            off_b = off_b + D * zeros * self.model_delay * omega / 8 / omega**self.divided
             off_b = off_b + np.abs(self._lag(1j * omega)) * off_zeros
         E, Nf = (_rows(np.abs(table), omega) for table in (self._ahead, self.Nf))
         return np.asarray(ERROR * (off_a * E + off_b * Nf))
 
     def terms(self, omega: FloatArray, time_constant: FloatArray) -> Parts:
         """Return a E, b Nf exp(-jωθ), and -D Nm Nf exp(-jωθm) or 0, at points (ω, λ), over s^m."""
-        (a, b, waits), (E, Nf) = self._apart(omega), self._tables(omega)
+        (a, b, delayed), (E, Nf) = self._apart(omega), self._tables(omega)
         powers = [np.asarray(time_constant) ** k for k in range(len(E))]
         E, Nf = (
             sum(row * power for row, power in zip(table, powers, strict=True)) for table in (E, Nf)
         )
-        return a * E, b * Nf, waits * Nf
+        return a * E, b * Nf, delayed * Nf
 
     def off_gain(self, omega: FloatArray, gain: float = 1.0) -> FloatArray:
         """Coefficients in λ, ascending, each frequency a column, of ``|a E|^2 - |b Nf/gain|^2``.
 
         Its last root bounds the λ with ``|L| = gain``, two dead times taken at their worst.
         """
-        (a, b, waits), (E, Nf) = self._apart(omega), self._tables(omega)
-        ahead, behind = a * E, (np.abs(b) / gain + np.abs(waits)) * Nf
+        (a, b, delayed), (E, Nf) = self._apart(omega), self._tables(omega)
+        ahead, behind = a * E, (np.abs(b) / gain + np.abs(delayed)) * Nf
         most = np.maximum(np.abs(ahead).max(axis=0), np.abs(behind).max(axis=0))
         with np.errstate(all="ignore"):
             ahead, behind = (np.nan_to_num(part / most) for part in (ahead, behind))
@@ -249,7 +252,7 @@ class Mismatch:
         N, D, Nm, Dm = self._values(omega, exact)
         turned = N * Dm * np.exp(-self.delay * s) if self.delay else N * Dm
         turned = turned / s**self.divided if self.divided else turned
-        if not self.wait:
+        if not self.model_delay:
             return D * Nm, turned, np.zeros(1, dtype=complex)
         return D * Nm, turned, -D * values_on_axis(self.zeros, omega) * self._lag(s)
 
@@ -257,8 +260,10 @@ class Mismatch:
         """exp(-θm s), or what is left of it without the first terms of its series."""
         m = self.divided
         if not m:
-            return np.asarray(np.exp(-self.wait * s))
-        return np.asarray((-self.wait) ** m * exponential_rest(-self.wait * s, m, divided=True))
+            return np.asarray(np.exp(-self.model_delay * s))
+        return np.asarray(
+            (-self.model_delay) ** m * exponential_rest(-self.model_delay * s, m, divided=True)
+        )
 
     @cached_property
     def _ahead(self) -> FloatArray:
@@ -266,7 +271,7 @@ class Mismatch:
         m = self.divided
         if not m:
             return self.E
-        lag = exponential(self.wait, m) if self.wait else np.zeros(1)
+        lag = exponential(self.model_delay, m) if self.model_delay else np.zeros(1)
         return padded_sum(self.E.T, -convolved(self.Nf.T, lag[:, None])).T[:, :-m]
 
     def _tables(self, omega: FloatArray) -> tuple[ComplexArray, ComplexArray]:
@@ -281,21 +286,21 @@ class Mismatch:
             np.polyval(table[::-1, -1], np.asarray(time_constant))
             for table in (self._ahead, self.Nf)
         )
-        lag = (-self.wait) ** self.divided / factorial(self.divided)
-        return self.a[-1] * E, self.b[-1 - self.divided] * Nf, -self.waiting[-1] * lag * Nf
+        lag = (-self.model_delay) ** self.divided / factorial(self.divided)
+        return self.a[-1] * E, self.b[-1 - self.divided] * Nf, -self.delayed[-1] * lag * Nf
 
     def highest(
         self, time_constant: FloatArray, *, lagging: bool = False
     ) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Values of what is `leading` for many filters."""
-        ahead, behind, waits = (
+        ahead, behind, delayed = (
             np.polyval(p[::-1], time_constant) for p in self.leading(lagging=lagging)
         )
-        return ahead, behind, waits
+        return ahead, behind, delayed
 
     def leading(self, *, lagging: bool = False) -> list[FloatArray]:
         """Coefficients in λ, ascending, of the highest power of s in p_B of the three `terms`."""
-        given = (self.E, self.a, lagging), (self.Nf, self.b, 0), (self.Nf, -self.waiting, lagging)
+        given = (self.E, self.a, lagging), (self.Nf, self.b, 0), (self.Nf, -self.delayed, lagging)
         parts = [(_wide(table), p, more) for table, p, more in given]
         degrees = [(p.size + table.shape[1] if p.any() else 0) + more for table, p, more in parts]
         return [
@@ -316,12 +321,12 @@ def _stable_member(family: FilterFamily) -> Any:
     return filter
 
 
-def _common_ramp(family: FilterFamily, wait: float) -> int:
+def _common_ramp(family: FilterFamily, model_delay: float) -> int:
     """Count the zeros at s = 0 that Df - Nf exp(-θm s) has for every λ."""
-    if not wait:
+    if not model_delay:
         return family.ramp
     num, den = family.num, family.den
-    lag = exponential(wait, len(den))[:, None]
+    lag = exponential(model_delay, len(den))[:, None]
     late, sizes = convolved(num, lag)[-len(den) :], convolved(np.abs(num), np.abs(lag))[-len(den) :]
     rest = padded_sum(den.T, -late.T)
     left = np.abs(rest) > ROUNDING * padded_sum(np.abs(den).T, sizes.T)

@@ -93,13 +93,13 @@ class Frequencies:
     @cached_property
     def neutral_limit(self) -> float:
         """λ below which a dead time leaves infinitely many unstable roots; 0 if there is none."""
-        delay, wait = self.mismatch.delay, self.mismatch.wait
-        ahead, behind, waits = (p[::-1] for p in self.mismatch.leading())
+        delay, own = self.mismatch.delay, self.mismatch.model_delay
+        ahead, behind, delayed = (p[::-1] for p in self.mismatch.leading())
         least = ahead + (delay == 0) * behind
         # Those with dead time are all multiples of the same polynomial in λ.
-        most = (delay > 0) * np.abs(behind) + np.abs(waits)
-        if delay == wait:
-            most = (delay > 0) * np.abs(behind + waits)
+        most = (delay > 0) * np.abs(behind) + np.abs(delayed)
+        if delay == own:
+            most = (delay > 0) * np.abs(behind + delayed)
         if not most.any():
             return 0.0
         square = np.trim_zeros(np.convolve(least, least) - np.convolve(most, most), "f")

@@ -92,22 +92,22 @@ class PlantLoops:
 
         There 1 - F exp(-θm s) is small, before each whole turn of the model's dead time.
         """
-        wait, k = self.mismatch.wait, time_constants.size
-        if not wait:
+        delay, k = self.mismatch.model_delay, time_constants.size
+        if not delay:
             return np.empty(0, dtype=int), np.empty((0, BESIDE))
-        turns = 2 * pi / wait * np.arange(1, self.omega[-1] * wait / (2 * pi) + 2)
+        turns = 2 * pi / delay * np.arange(1, self.omega[-1] * delay / (2 * pi) + 2)
         omega = np.tile(turns, (k, 1))
         with np.errstate(all="ignore"):
             for step in range(FOUND + 1):
-                ahead, behind, waits = self.mismatch.terms(omega, time_constants[:, None])
-                around = -waits / ahead
+                ahead, behind, delayed = self.mismatch.terms(omega, time_constants[:, None])
+                around = -delayed / ahead
                 if step < FOUND:
-                    omega = omega + np.nan_to_num(np.angle(around)) / wait
-                    omega = np.clip(omega, turns - pi / wait, turns + pi / wait)
+                    omega = omega + np.nan_to_num(np.angle(around)) / delay
+                    omega = np.clip(omega, turns - pi / delay, turns + pi / delay)
             R, least = np.abs(behind / ahead), np.abs(1 - around)
             # Wider ones the frequencies of the grid show.
             loop, which = np.nonzero((least < 4 * R) & (R + least < 1))
-        centre, width = omega[loop, which], (R + least)[loop, which] / wait
+        centre, width = omega[loop, which], (R + least)[loop, which] / delay
         share = np.linspace(-WITHIN, WITHIN, BESIDE)
         beside = centre[:, None] + np.minimum(width, centre / (2 * WITHIN))[:, None] * share
         return loop, np.asarray(beside)
@@ -117,25 +117,25 @@ class PlantLoops:
     ) -> tuple[FloatArray, FloatArray]:
         """``|1 + L|`` and ``|L|`` at points (ω, λ); infinite at a pole of L."""
         with np.errstate(all="ignore"):  # far beyond all speeds powers overflow, and L is 0
-            ahead, behind, waits = self.mismatch.terms(omega, time_constants)
-            L = behind / (ahead + waits if self.mismatch.wait else ahead)
+            ahead, behind, delayed = self.mismatch.terms(omega, time_constants)
+            L = behind / (ahead + delayed if self.mismatch.model_delay else ahead)
         L = np.where(np.isfinite(L), L, inf + 0j)
         return np.abs(1 + L), np.abs(L)
 
     def at_infinity(self, time_constants: FloatArray) -> FloatArray:
         """Limit of ``|1 + L|`` at infinite frequency, with dead time at its worst."""
         with np.errstate(all="ignore"):
-            ahead, behind, waits = self.mismatch.highest(time_constants)
+            ahead, behind, delayed = self.mismatch.highest(time_constants)
             last = np.nan_to_num(behind / ahead, nan=0.0)
             if self.mismatch.longest_delay:  # a circle
-                last = -np.abs(last) / (1 - np.abs(waits / ahead))
+                last = -np.abs(last) / (1 - np.abs(delayed / ahead))
         return np.abs(1 + last)
 
     def _at_zero(self, time_constants: FloatArray) -> FloatArray:
         """``|1 + L(0)|``; finite if an integrator of the model alone cancels."""
         with np.errstate(all="ignore"):
-            ahead, behind, waits = self.mismatch.lowest(time_constants)
-            return np.abs(1 + np.nan_to_num(behind / (ahead + waits), nan=inf, neginf=inf))
+            ahead, behind, delayed = self.mismatch.lowest(time_constants)
+            return np.abs(1 + np.nan_to_num(behind / (ahead + delayed), nan=inf, neginf=inf))
 
     def at_poles(self, time_constants: FloatArray) -> FloatArray:
         """Smallest ``|1 + L|`` beside poles of R on the axis too narrow for the grid.
@@ -160,9 +160,9 @@ class PlantLoops:
         powers = time_constants ** np.arange(len(mismatch.E))[:, None]
         E, Nf = (np.polyval(table.T, root) @ powers for table in (mismatch.E, mismatch.Nf))
         ahead = np.polyval(np.polyder(mismatch.a), root) * E
-        if mismatch.wait:
-            waiting = np.polyval(np.polyder(mismatch.waiting), root)
-            ahead = ahead - waiting * Nf * np.exp(-mismatch.wait * root)
+        if mismatch.model_delay:
+            delayed = np.polyval(np.polyder(mismatch.delayed), root)
+            ahead = ahead - delayed * Nf * np.exp(-mismatch.model_delay * root)
         behind = np.polyval(mismatch.b, root) * np.exp(-mismatch.delay * root) * Nf
         return np.asarray(behind / ahead)
 

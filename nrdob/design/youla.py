@@ -46,21 +46,18 @@ class ObserverForm(Answer):
         Whether K is an NR-DOB whose blocks are all stable.
     reason : str
         Why, in a sentence.
-    F, inverse, prediction : control.TransferFunction or None
-        The blocks F, F/G̃ (Youla's Q) and (1 - F)G̃, each as one; None where K does not stabilise
-        the model, or makes the loop ill-posed.
+    F : control.TransferFunction or None
+        The filter; None where K does not stabilise the model, or makes the loop ill-posed.
     """
 
     F: ct.TransferFunction | None = None
-    inverse: ct.TransferFunction | None = None
-    prediction: ct.TransferFunction | None = None
 
     def __bool__(self) -> bool:
         return bool(self.holds)
 
 
 def observer_form(controller: Any, model: Any) -> ObserverForm:
-    r"""Write a controller K as an NR-DOB for a model, with the blocks if it is one.
+    r"""Write a controller K as an NR-DOB for a model, with its filter if it is one.
 
     With :math:`K = N_k/D_k` and :math:`p = D_k D_m + N_k N_m`
 
@@ -115,17 +112,15 @@ def observer_form(controller: Any, model: Any) -> ObserverForm:
         return ObserverForm(
             False, f"K does not stabilise the model: {where}; change K, or the model with it"
         )
-    blocks, den = [], QuasiPolynomial(p.q / p.q[-1])
-    for one, other in ((K.num, Gm.num), (K.num, Gm.den), (K.den, Gm.num)):
-        num = QuasiPolynomial(np.convolve(one, other) / p.q[-1])
-        _, top, bottom = shared_factor(num, den)
-        blocks.append(ct.tf(top.q / bottom.q[-1], bottom.q / bottom.q[-1]))
+    num, den = (QuasiPolynomial(part / p.q[-1]) for part in (np.convolve(K.num, Gm.num), p.q))
+    _, top, bottom = shared_factor(num, den)
+    F = ct.tf(top.q / bottom.q[-1], bottom.q / bottom.q[-1])
     reason = "K stabilises the model, and K·model integrates"
     integrates = not (K.den[-1] and Gm.den[-1])
     if not integrates:
-        dc = blocks[0].num[0][0][-1]
+        dc = F.num[0][0][-1]
         reason = f"F(0) = {dc:.4g}, not 1: neither K nor the model integrates; give K an integrator"
-    return ObserverForm(integrates, reason, *blocks)
+    return ObserverForm(integrates, reason, F)
 
 
 def stable_model_exists(controller: Any) -> Answer:

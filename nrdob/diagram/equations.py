@@ -34,7 +34,7 @@ diagram does in which 1 - F, Gm and 1/Gm are blocks of their own.
 .. rubric:: A delayed model
 
 A model with a dead time, Gm = Gm0 exp(-θm s), Gm0 = Nm/Dm, cannot be inverted: no block predicts.
-The inverse leaves the dead time out, and what it is compared with waits instead::
+The inverse leaves the dead time out, and what it is compared with is delayed instead::
 
              e            u                 δ              d
     R --->(+)-->[ C ]-->(+)--------+------>(+)-->[ G ]--->(+)-----+---> y
@@ -207,9 +207,9 @@ class LoopEquations:
         # of its next powers that are only rounding are zeros of the same kind.
         num, den = self.fractions.F
         scale = add(np.abs(den), np.abs(num))
-        if wait := self.model_delay:
-            origin = _zeros_of_difference(den, num, wait)
-            return QuasiPolynomial(den, -num, wait, scale, origin=origin)
+        if delay := self.model_delay:
+            origin = _zeros_of_difference(den, num, delay)
+            return QuasiPolynomial(den, -num, delay, scale, origin=origin)
         difference = add(den, -num)
         used = np.flatnonzero(np.abs(difference) > TYPED_IN * scale)
         difference[used[-1] + 1 :] = 0.0
@@ -238,9 +238,9 @@ class LoopEquations:
         """Characteristic function of the observer loop, without what cancels inside its blocks."""
         G, built = self.fractions.G, self.built
         power = built.E.divided  # of which the terms hold s only together
-        waiting = [((G.den, built.Nm.q, p), delay) for p, delay in built.E.terms]
+        delayed = [((G.den, built.Nm.q, p), delay) for p, delay in built.E.terms]
         loop = (G.num, built.Dm.lifted(power).q, built.Nf.q), self.delay
-        return _sum_of_products(*waiting, loop, origin=power).over_s(power)
+        return _sum_of_products(*delayed, loop, origin=power).over_s(power)
 
     @cached_property
     def condition_ii(self) -> Quotient:
@@ -307,14 +307,14 @@ class LoopEquations:
 
     @cached_property
     def _factors(self) -> dict[str, QuasiPolynomial]:
-        """Factors of the maps by name, as they are handed in; Ne and Nme wait."""
+        """Factors of the maps by name, as they are handed in; Ne and Nme are delayed."""
         G, Gm, C, F = self.fractions
         given = {
             "-1": -np.ones(1), "D": G.den, "Nm": Gm.num, "Dm": Gm.den,
             "Nc": C.num, "Dc": C.den, "Nf": F.num, "Df": F.den,
         }  # fmt: skip
-        waiting = {"Ne": (G.num, self.delay), "Nme": (Gm.num, self.model_delay)}
-        late = {name: QuasiPolynomial(np.zeros(1), *term) for name, term in waiting.items()}
+        delayed = {"Ne": (G.num, self.delay), "Nme": (Gm.num, self.model_delay)}
+        late = {name: QuasiPolynomial(np.zeros(1), *term) for name, term in delayed.items()}
         return {name: QuasiPolynomial(p) for name, p in given.items()} | late
 
     @cached_property

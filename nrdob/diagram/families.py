@@ -62,11 +62,6 @@ class FilterFamily:
         return int(self.den.shape[0]) - 1
 
     @property
-    def relative_degree(self) -> int:
-        """Degree of the denominator minus degree of the numerator."""
-        return int(self.den.shape[0] - self.num.shape[0])
-
-    @property
     def is_binomial(self) -> bool:
         """Whether the filters are those of eq. (1)."""
         return self.kind == "binomial"

@@ -103,7 +103,7 @@ class Interpolation(NamedTuple):
     zeros: FloatArray
     poles: FloatArray
     order: int
-    wait: float
+    delay: float
 
     def numerator(self, den: FloatArray) -> FloatArray:
         """Numerator M X of the F with a given denominator, exact until it is rounded once."""
@@ -112,8 +112,8 @@ class Interpolation(NamedTuple):
             for p in (self.zeros, self.poles, den)
         )
         size = Q.size - 1
-        if self.wait:  # Q is a power of s, so that only the lowest terms of the series matter
-            right = np.convolve(right, [Exact(self.wait) ** k / factorial(k) for k in range(size)])
+        if self.delay:  # Q is a power of s, so that only the lowest terms of the series matter
+            right = np.convolve(right, [Exact(self.delay) ** k / factorial(k) for k in range(size)])
         columns = [_remainder(np.append([Exact(0)] * k, M), Q) for k in range(size)]
         X = _solved(np.array([*columns, _remainder(right, Q)]).T)
         return np.convolve(M, X)[::-1].astype(float)
@@ -121,17 +121,17 @@ class Interpolation(NamedTuple):
 
 def interpolation(model: Any, order: int | None, ramp: int) -> Interpolation:
     """Read off a model what `interpolating_filter` has to meet, with the same refusals."""
-    model, wait = undelayed(model)
+    model, delay = undelayed(model)
     Gm = nonzero(as_fraction(model, "model"), "model")
     check_ramp(ramp)
     zeros, poles = _right_factor(Gm.num), _right_factor(Gm.den)
     _check_apart(Gm, zeros, poles)
     integrators = QuasiPolynomial(Gm.den).zeros_at_origin
     poles = np.append(poles, np.zeros(max(int(ramp), integrators)))
-    if wait and poles[1:].any():
+    if delay and poles[1:].any():
         p = complex(QuasiPolynomial(poles).without_origin.roots[0])
         raise ValueError(
-            f"model has a pole at s = {written(p)} and a dead time of {wait:g} s: "
+            f"model has a pole at s = {written(p)} and a dead time of {delay:g} s: "
             "F(p) exp(-θm p) = 1 holds to rounding only, and the memory that the block "
             "(1 - F exp(-θm s))·model then takes is none that can be built safely; leave "
             "the dead time out of the model"
@@ -139,7 +139,7 @@ def interpolation(model: Any, order: int | None, ramp: int) -> Interpolation:
     degree = zeros.size + poles.size - 3
     least = degree + max(Gm.relative_degree, 1)
     if order is None:
-        return Interpolation(zeros, poles, least, wait)
+        return Interpolation(zeros, poles, least, delay)
     LowPassFilter(1.0, order)  # the same refusals
     if order < least:
         counts = f"{zeros.size - 1} times F = 0 and " if zeros.size > 1 else ""
@@ -148,7 +148,7 @@ def interpolation(model: Any, order: int | None, ramp: int) -> Interpolation:
             f"numerator has degree {degree}, and the model has relative degree "
             f"{Gm.relative_degree}: take order {least} or more"
         )
-    return Interpolation(zeros, poles, int(order), wait)
+    return Interpolation(zeros, poles, int(order), delay)
 
 
 def check_ramp(ramp: int) -> None:

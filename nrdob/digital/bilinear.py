@@ -59,7 +59,12 @@ AGREEMENT = 4 * float(np.finfo(float).eps)
 
 
 def held_in_w(
-    process: Fraction, dt: float, *, fraction: float = 0.0, at_once: bool = False
+    process: Fraction,
+    dt: float,
+    *,
+    fraction: float = 0.0,
+    at_once: bool = False,
+    late: bool = False,
 ) -> Fraction:
     """Take a process behind its hold to the plane of w; the denominator is monic.
 
@@ -74,6 +79,8 @@ def held_in_w(
     at_once : bool
         Whether a direct term acts at once, as it does inside the processor, and not only after
         the next sample, as it does behind it.
+    late : bool
+        Whether to leave out the factor 1 - αw that every strictly proper process has.
 
     Raises
     ------
@@ -88,13 +95,6 @@ def held_in_w(
     >>> np.roots(num).round(6).tolist(), np.roots(den).round(6).tolist()
     ([20.0], [-0.999167])
     """
-    return _held_in_w(process, dt, fraction, at_once)
-
-
-def _held_in_w(
-    process: Fraction, dt: float, fraction: float, at_once: bool, *, late: bool = False
-) -> Fraction:
-    """Take a process to the plane of w; of a `late` one without the factor 1 - αw."""
     if not process.num.any():  # no controller
         return Fraction(np.zeros(1), np.ones(1))
     a, h, direct, unit = _in_unit(tuple(process.num.tolist()), tuple(process.den.tolist()))
@@ -233,7 +233,7 @@ def held_blocks(loop: LoopEquations, dt: float) -> LoopEquations:
             "method='tustin', whose model is delayed by whole samples and fractions of them"
         )
     late = Gm.relative_degree > 0
-    model, filter = (_held_in_w(block, dt, 0.0, True, late=late) for block in (Gm, F))
+    model, filter = (held_in_w(block, dt, at_once=True, late=late) for block in (Gm, F))
     _check_sound(model, Gm, dt)
     filter = Fraction(filter.num / filter.num[-1], filter.den / filter.den[-1])  # F(0) = 1
     sample, _ = _powers(int(late), dt)

@@ -294,15 +294,15 @@ class SampledLoop:
     def _loop_gain(self) -> tuple[Product, tuple[Product, ...]]:
         """N Dm Nf and D Nm (Df - Nf), numerator and denominator of L = K G in powers of v."""
         built, (_, Gm, _, F) = self.blocks.built, self.blocks.fractions
-        Nm, Nf, Dm, waits = built.Nm.q, built.Nf.q, built.Dm.q, [(built.E.q, 0)]
+        Nm, Nf, Dm, delayed = built.Nm.q, built.Nf.q, built.Dm.q, [(built.E.q, 0)]
         if self.model_delay:  # on a processor nothing cancels in (1 - F exp(-θm s)) Gm0
             later = [(-weight * F.num, age) for weight, age in self.model_delay.terms]
-            Dm, waits = Gm.den, [(F.den, 0), *later]
-        D, size = self.held.den, waits[0][0].size
+            Dm, delayed = Gm.den, [(F.den, 0), *later]
+        D, size = self.held.den, delayed[0][0].size
         above = (self.held.num, D.size), (Dm, Nm.size + size - Nf.size), (Nf, Nf.size)
-        below = [((D, D.size), (Nm, Nm.size), (p, size)) for p, _ in waits]
+        below = [((D, D.size), (Nm, Nm.size), (p, size)) for p, _ in delayed]
         num, *den = (tuple(self._in_v(*factor) for factor in term) for term in (above, *below))
-        denominator = tuple(Product(term, age) for term, (_, age) in zip(den, waits, strict=True))
+        denominator = tuple(Product(term, age) for term, (_, age) in zip(den, delayed, strict=True))
         return Product(num, self.process.samples), denominator
 
     def _in_v(self, p: FloatArray, size: int) -> FloatArray:

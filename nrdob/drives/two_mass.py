@@ -62,8 +62,8 @@ class TwoMasses:
     Examples
     --------
     >>> drive = TwoMasses(1e-3, 4e-3, 10.0)
-    >>> round(drive.antiresonance, 3), round(drive.resonance, 3)           # their ratio is √(1 + 4)
-    (50.0, 111.803)
+    >>> round(drive.resonance, 3)                      # √(1 + 4) times the antiresonance, 50 rad/s
+    111.803
     """
 
     motor: float
@@ -76,11 +76,6 @@ class TwoMasses:
             object.__setattr__(self, name, _positive(getattr(self, name), name, unit))
         if self.damping != 0:
             object.__setattr__(self, "damping", _positive(self.damping, "damping", "N m s/rad"))
-
-    @property
-    def antiresonance(self) -> float:
-        """Frequency at which the load swings on a motor at rest, undamped, in rad/s."""
-        return sqrt(self.stiffness / self.load)
 
     @property
     def resonance(self) -> float:

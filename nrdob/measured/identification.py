@@ -92,7 +92,7 @@ class Identification:
         Why no loop should be designed for this process; empty where one may.
     corners : dict of str: DelayedTransferFunction
         The process with its numbers at the ends of their intervals, in all combinations.
-    plain : DelayedTransferFunction or None
+    least_squares : DelayedTransferFunction or None
         One lag with dead time by least squares over the whole record, what disturbs it left aside;
         None where it explains far less.
     record : Record
@@ -115,7 +115,7 @@ class Identification:
     remarks: tuple[str, ...]
     unsure: str
     corners: dict[str, DelayedTransferFunction]
-    plain: DelayedTransferFunction | None
+    least_squares: DelayedTransferFunction | None
     record: Record
     predicted: FloatArray
     fitted: int
@@ -299,7 +299,7 @@ def _found(record: Record, structures: tuple[Structure, ...], held_out: float) -
         f"{open_gain}: {remedy}" if open_gain else "",
         sizes[1] * np.where(record.free[start:], whole.left(fit), 0.0), fit,
     )  # fmt: skip
-    plain = simple_fit(whole, fit)
+    simple = simple_fit(whole, fit)
     vetoed = "the process foretells the part held out worse than a constant would"
     unsure = (vetoed if best.validation < 0 else "", open_gain)
     return Identification(
@@ -315,7 +315,7 @@ def _found(record: Record, structures: tuple[Structure, ...], held_out: float) -
         remarks=(*denied, *remarks, *record.remarks),
         unsure=", and ".join(filter(None, unsure)),
         corners=corners_of(fit.structure, parameters),
-        plain=process_of(plain, *units) if plain else None,
+        least_squares=process_of(simple, *units) if simple else None,
         record=record,
         predicted=sizes[1] * best.predicted + record.y[0],
         fitted=count,

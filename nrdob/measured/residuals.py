@@ -118,8 +118,6 @@ class ResidualCheck:
 
     Attributes
     ----------
-    white : bool
-        Whether neighbouring samples have nothing to do with each other.
     independent : bool or None
         Whether nothing of the input is left in it; None where the input is too poor to tell.
     independence : float
@@ -128,7 +126,6 @@ class ResidualCheck:
         In words.
     """
 
-    white: bool
     independent: bool | None
     independence: float
     reason: str
@@ -140,13 +137,12 @@ class ResidualCheck:
 def check_residuals(residual: FloatArray, inputs: FloatArray, fitted: int) -> ResidualCheck:
     """Judge a residual, with the input beside it, of a response described by so many numbers."""
     chance = _whiteness(residual)
-    white = chance >= DOUBTFUL
     filter = whitening_of(residual)
     independence = _independence(filter.applied(residual), filter.applied(inputs), fitted)
     independent = None if np.isnan(independence) else independence > UNLIKELY
     said = [
         f"The residual is white ({_told(chance)}): what is left looks like noise of the sensor."
-        if white
+        if chance >= DOUBTFUL
         else f"The residual has a memory ({_told(chance)}): what disturbs the plant is not white, "
         "or the structure misses something; the intervals are widened for it."
     ]
@@ -159,7 +155,7 @@ def check_residuals(residual: FloatArray, inputs: FloatArray, fitted: int) -> Re
             f"It still follows the input ({_told(independence)}): the plant does something that "
             "this structure cannot, and the intervals do not cover that."
         )
-    return ResidualCheck(white, independent, independence, " ".join(said))
+    return ResidualCheck(independent, independence, " ".join(said))
 
 
 def _told(chance: float) -> str:

@@ -80,8 +80,8 @@ def trials_on(loop: NRDOB, found: Identification | None, suspect: str = "") -> I
         return
     plants = {f"{found.structure} (chosen)": found.process}
     plants |= {each.structure: each.process for each in found.candidates if each.rival}
-    if found.plain is not None:
-        plants["one lag with dead time, plain least squares"] = found.plain
+    if found.least_squares is not None:
+        plants["one lag with dead time, plain least squares"] = found.least_squares
     dt = found.record.sampling_time
     plants |= found.corners
     for name in sorted(plants, key=lambda name: name != suspect):

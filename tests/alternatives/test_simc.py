@@ -97,6 +97,7 @@ E = {
 }  # fmt: skip
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("number", "reduced", "settings", "ms"),
     [

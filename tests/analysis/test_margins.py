@@ -291,6 +291,7 @@ def lags_in(unit, order, gain=1.0):
     return nrdob.NRDOB(plant, model, 0.06 / gain / unit / s, LowPassFilter(0.5 * unit, order))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("order", [7, 8, 10, 12])
 @pytest.mark.parametrize("unit", [1e-6, 60.0, 1e6])
 def test_many_lags_in_slow_and_fast_units_have_the_peak_of_the_same_lags_in_seconds(order, unit):
@@ -512,7 +513,7 @@ def test_encirclements_of_a_transfer_function_are_controls():
 # The symmetric disk margin.
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 @pytest.mark.parametrize("number", [1, 2, 3])
 @pytest.mark.parametrize("name", ["CGm", "FH", "L"])
 def test_the_disk_margin_is_controls_on_a_dense_grid(number, name):

@@ -41,7 +41,7 @@ def test_turns_of_the_papers_nyquist_plots(number, name, point, n, p):
     assert (count.encirclements, count.open_loop_rhp, count.closed_loop_rhp) == (n, p, n + p)
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 @given(loops())
 def test_turns_agree_with_a_dense_grid(loop):
     count = encirclements(loop.FH)

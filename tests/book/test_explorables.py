@@ -217,6 +217,7 @@ def test_the_sampled_loop_answers_as_in_the_package(tab: Any, signal: str) -> No
         compared += 1
 
 
+@pytest.mark.thorough
 def test_adrc_is_judged_as_by_the_package(tab: Any) -> None:
     rng = np.random.default_rng(33)
     seen = set()

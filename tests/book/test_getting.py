@@ -54,7 +54,7 @@ def test_the_archive_has_no_solution_of_a_set(archive: ZipFile):
     assert not [name for name in archive.namelist() if "__pycache__" in name]
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 def test_the_same_book_gives_the_same_archive(tmp_path: Path):
     for name in ("one.zip", "two.zip"):
         bundle.pack(tmp_path / name, dict(bundle.to_run()))

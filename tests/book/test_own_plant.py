@@ -114,7 +114,7 @@ def test_a_plant_that_the_chapter_does_not_show_gets_a_loop_that_is_stable(kind:
     assert not missing, said
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 def test_where_the_loop_that_was_asked_for_is_unstable_it_says_so() -> None:
     names, said = run(process="1/(s - 1)", model="-1/(s + 1)", controller="-2(s + 1)/s")
     assert names["loop"] is None or names["verdict"].stable is False

@@ -200,7 +200,7 @@ def test_a_theorem_becomes_a_box_with_links_and_an_entry(tmp_path: Path) -> None
     assert entry.select("a[href^='chapters/18_more.html']")
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 def test_a_book_with_a_theorem_amiss_does_not_build(tmp_path: Path) -> None:
     text = changed("*Proof:*", "Proof:") + "\n\nSee Theorem 21.1."
     code, said = small_book(tmp_path, c17_lemma_1=text)

@@ -359,6 +359,7 @@ def test_there_are_many_ways_to_tamper():
     assert len({name for name, _ in TAMPERED}) == len(TAMPERED)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("content", [each for _, each in TAMPERED], ids=[n for n, _ in TAMPERED])
 def test_a_tampered_certificate_is_refused(content):
     with pytest.raises(ValueError, match=r".{8}"):

@@ -140,6 +140,7 @@ def test_cases_are_found_for_every_group(id: str) -> None:
     assert len(texts) > 140
 
 
+@pytest.mark.thorough
 def test_the_figure_tells_a_point_of_the_curve() -> None:
     figure = own_case("1.4", 1).plot()
     assert "rad/s" in figure.alt

@@ -67,6 +67,7 @@ def test_the_alt_text_of_the_plot_suffices_to_count(group: int) -> None:
     assert turns == loop.stability().observer_loop.encirclements
 
 
+@pytest.mark.thorough
 @each_case(CLOSING, 12)
 def test_the_closed_curve_has_data_enough(case: object) -> None:
     curve = 1 + case.values  # type: ignore[attr-defined]

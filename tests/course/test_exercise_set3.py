@@ -92,6 +92,7 @@ def test_roots_cross_where_the_grader_says(draw: Any, which: int) -> None:
             assert late.stability().stable is expected
 
 
+@pytest.mark.thorough
 def test_every_group_meets_a_loop_that_is_lost_first_at_either_end() -> None:
     for group in range(1, 61):
         ends = {int(np.argmin(delays_of(case))) for case in PROBLEMS["3.3"].cases(group, 2)}
@@ -147,7 +148,7 @@ def test_every_gain_between_the_margins_is_a_counterexample() -> None:
         assert accepts(PROBLEMS["3.5"], case, 1.01 * high) is not True
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 def test_every_design_in_the_room_that_is_left_counts() -> None:
     for seed in GROUPS:
         case, good = draw_margin_loop(np.random.default_rng(seed))

@@ -51,6 +51,7 @@ def test_the_project_is_about_one_plant(group: int) -> None:
         assert np.array_equal(first, second)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("group", GROUPS)
 def test_the_figure_shows_what_the_package_finds(group: int) -> None:
     case = own_case("6.2", group)

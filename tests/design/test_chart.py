@@ -299,7 +299,7 @@ def test_levels_of_a_model_that_waits_lie_where_the_margins_have_them():
         assert loop.margins().plant_loop.ms == pytest.approx(1.8, rel=3e-2)
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 def test_a_tongue_that_ends_between_the_lines_of_the_grid_is_closed():
     # Eight roots on one side of its border and six on the other, seen only if it has no gap.
     chart = stability_chart(

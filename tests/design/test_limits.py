@@ -36,7 +36,7 @@ def mismatches(draw):
     return process, model, max(1, relative_degree) + draw(st.integers(0, 3))
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 @given(mismatches())
 def test_the_ends_of_the_exact_set_are_as_the_limits_say(case):
     intervals = stabilizing_time_constants(*case)
@@ -239,6 +239,7 @@ def test_gain_bound_refuses_no_lag_at_all(order):
         gain_bound(order)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("order", [1, 2, 3])
 @pytest.mark.parametrize(
     "process",

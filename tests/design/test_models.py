@@ -180,6 +180,7 @@ def test_what_is_promised_holds(process, dead_time):
 # Controllers for the model loop.
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("phase_margin", [30.0, 45.0, 60.0, 75.0])
 @pytest.mark.parametrize("bandwidth", [0.5, 1.0, 2.0])
 @pytest.mark.parametrize(

@@ -61,7 +61,7 @@ def test_power_of_a_rational_map_is_the_sum_over_its_poles(roots):
     assert found == pytest.approx(float(mp.re(exact)), rel=1e-9)
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 def test_power_with_dead_time_is_the_integral_by_extended_precision():
     G = 1 / (s + 1) ** 2
     loop = nrdob.NRDOB(nrdob.delay(0.5) * 1.1 * G, G, 1.0, LowPassFilter(0.4, 2))

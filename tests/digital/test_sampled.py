@@ -285,7 +285,7 @@ def test_a_delayed_model_of_ten_thousand_samples_is_counted():
     assert "no other second way" in found.reason
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 def test_without_eigenvalues_verdicts_and_counts_are_those_of_brute_force(monkeypatch):
     monkeypatch.setattr(verdict, "MOST_STATES", 0)
     monkeypatch.setattr(verdict, "MOST_ALONE", 0)

@@ -196,7 +196,7 @@ def test_a_seed_repeats_a_run():
     assert np.array_equal(runs[0], runs[1]) and not np.array_equal(runs[0], runs[2])
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 def test_a_hundred_thousand_samples_take_seconds():
     drive = Drive(OneMass(J), STICKY, Encoder(10_000))
     begun = time.process_time()

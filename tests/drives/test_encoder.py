@@ -98,7 +98,7 @@ def test_an_estimate_costs_the_margin_its_delay():
     assert sampled.margins().delay_margin - have[0] == pytest.approx(0.0005, rel=0.06)
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 def test_the_noise_of_rounding_is_what_the_variance_says():
     sampled, estimate, step = speed_loop(0.02, 0.001), Counting(), 1e-4
     shaping = ct.tf([1, -1], [1, 0], 0.001) / 0.001

@@ -56,7 +56,7 @@ def test_a_load_swings_on_a_motor_that_friction_holds():
     for _ in range(500):
         motion.advance(0.0, 0.1)
     t = 0.5
-    twist = -0.1 / 10 * (1 - np.cos(drive.antiresonance * t))
+    twist = -0.1 / 10 * (1 - np.cos(50.0 * t))
     assert motion.at_rest and motion.angle == 0.0
     np.testing.assert_allclose(motion.states[2], twist, atol=1e-13)
 

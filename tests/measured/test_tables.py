@@ -216,6 +216,7 @@ DRESSES = {
 }  # fmt: skip
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("dress", DRESSES)
 def test_a_record_is_read_right_in_whatever_dress(tmp_path, dress):
     content, options = DRESSES[dress]

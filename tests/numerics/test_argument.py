@@ -57,7 +57,7 @@ def test_two_close_zeros_on_the_axis_are_both_passed():
     assert found.angle == pytest.approx(5 * pi / 2, abs=1e-2)
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 def test_a_sum_of_three_terms_is_followed_term_by_term():
     # (s + 2)(s + 3 + exp(-s)) + exp(-7 s): small enough to change no count, T = 0, 1 and 7.
     terms = [

@@ -82,6 +82,7 @@ def test_where_the_argument_cannot_be_followed_no_root_is_called_the_rightmost()
     assert not rightmost_roots(np.array([1.0, 0.001]), terms).size
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("poles", "gain", "delay"),
     [([0.0, -0.0815, -1.0147], 0.0248, 4.35), ([0.0, -0.0088, -0.5085], 0.0056, 24.7)],

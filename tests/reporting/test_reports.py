@@ -325,7 +325,7 @@ def test_a_tank_that_only_integrates_gets_a_loop_as_slow_as_its_samples():
 def test_where_no_slower_filter_helps_the_samples_the_loop_stays_and_the_page_says_so():
     # A pole at 10 rad/s grows by e within a sample.
     process = 1 / (s - 10)
-    found = replace(slow_record(), process=process, candidates=(), plain=None, corners={})
+    found = replace(slow_record(), process=process, candidates=(), least_squares=None, corners={})
     alone, proposal = propose(process), propose(found)
     assert proposal.loop.filter == alone.loop.filter
     (trial,) = proposal.trials

@@ -52,7 +52,7 @@ def test_one_uncertain_gain_survives_up_to_the_bound_of_a_pure_gain_error():
     assert shares.kharitonov < shares.exact
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 @pytest.mark.parametrize("unit", [1.0, 1e-2, 1e-3, 1e-6, 1e6])
 def test_the_unit_of_time_changes_no_share(unit):
     def written(*coefficients):

@@ -36,7 +36,7 @@ def test_what_is_met_however_fast_is_left_to_the_noise():
         nrdob.design_filter(plants, loop.model, order=2, max_ms=1.7)
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 def test_a_dead_time_of_the_longest_decides():
     plants = nrdob.plant_family(LAG, delay=(0.1, 0.3), grid=3)
     F = nrdob.design_filter(plants, LAG, order=1, max_ms=2.0)
