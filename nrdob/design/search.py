@@ -160,14 +160,24 @@ class FilterSearch:
     def admissible(self) -> list[Interval]:
         """All intervals of λ that meet the specification."""
         found: list[Interval] = []
-        for window in self._windows:
-            low, high = (solved(self.slack, end) for end in window)
+        for first, last in self._windows:
+            ends = self._past_infinity(first, last.inside), last
+            low, high = (solved(self.slack, end) for end in ends)
             if low is None or high is None:
                 continue
             if found and low <= found[-1][1]:
                 low = found.pop()[0]
             found.append((low, high))
         return found
+
+    def _past_infinity(self, end: Bracket, far: float) -> Bracket:
+        """Go on from an end that only the limit at infinite frequency sets: peaks may be higher."""
+        outside, inside, step = *end, 1e-4
+        if outside != inside or any(inside in interval for interval in self.intervals):
+            return end
+        while self.slack(inside) < 0 and inside < far:
+            outside, inside, step = inside, min(inside * (1 + step), far), 4 * step
+        return Bracket(outside, inside)
 
     @cached_property
     def closest(self) -> tuple[float, Margins]:

@@ -131,8 +131,9 @@ def test_a_loop_that_does_not_vanish_at_infinite_frequency_has_closed_forms(max_
 
 @pytest.mark.parametrize("max_ms", [1.01, 1.5, 3.0])
 def test_with_dead_time_the_limit_at_infinite_frequency_is_at_its_worst_phase(max_ms):
-    # n = 1, R = 0.3 (s + 0.2) exp(-0.3s): L tends to a circle of radius 0.3/λ.
-    process = nrdob.delay(0.3) * 0.3 * (s + 0.2) * lag
+    # n = 1, R = 0.3 (s + 0.2)(s + 0.5)/(s + 2) exp(-0.3s): L tends to a circle of radius 0.3/λ,
+    # from within.
+    process = nrdob.delay(0.3) * 0.3 * (s + 0.2) * (s + 0.5) / (s + 2) * lag
     (window,) = admissible_time_constants(process, lag, 1, max_ms=max_ms)
     assert window == (pytest.approx(0.3 * max_ms / (max_ms - 1), rel=1e-8), inf)
 
@@ -188,8 +189,9 @@ def test_admissible_time_constants_end_where_the_closed_form_says():
 @settings(max_examples=40)
 @given(fractions(), fractions(), st.floats(-3, 0), st.floats(1.2, 3.0))
 def test_random_designs_keep_their_promise(process, model, dead_time, max_ms):
+    excess, other = (each.den[0][0].size - each.num[0][0].size for each in (model, process))
+    order = max(1, excess, excess - other + 1)  # so that L vanishes at infinite frequency
     process = nrdob.delay(10**dead_time) * process  # without it most limits are met by every filter
-    order = max(1, model.den[0][0].size - model.num[0][0].size)
     try:
         F = design_filter(process, model, order=order, max_ms=max_ms)
     except ValueError:
@@ -197,6 +199,16 @@ def test_random_designs_keep_their_promise(process, model, dead_time, max_ms):
     found = plant_loop(process, model, F)
     assume(found.stable is not None)
     assert found.stable and found.ms <= max_ms * (1 + 1e-6)
+
+
+def test_a_peak_before_a_circle_at_infinite_frequency_keeps_the_limit():
+    # L = (s + 1) exp(-0.1s)/(λs) is larger than 1/λ, its limit: Ms is largest at 31 rad/s.
+    process = nrdob.delay(0.1) * ct.tf([1, 1], [1, 1])
+    F = design_filter(process, lag, order=1, max_ms=2.0)
+    omega = np.linspace(25, 40, 150_001)
+    L = (1j * omega + 1) * np.exp(-0.1j * omega) / (F.time_constant * 1j * omega)
+    assert 1 / np.abs(1 + L).min() == pytest.approx(2.0, rel=1e-8)
+    assert 1 / (1 - 1 / F.time_constant) < 1.9990
 
 
 def test_the_floor_of_the_sensitivity_is_told():

@@ -35,7 +35,6 @@ USED_OTHERWISE = {
     "Row.peak_u": "a column, taken by its name",
     "Margins.disk_margin": "users of python-control look for it",
     "certify(variable=)": "a sampled loop gives it in **",
-    "certify(model_delay=)": "a sampled loop gives it in **",
     "half_plane_points(within=)": "given in **",
 }
 """Members and parameters without a user that can be read, and why they are kept."""
