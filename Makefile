@@ -21,10 +21,9 @@ unexport PYTHONDONTWRITEBYTECODE
 # Matplotlib keeps its list of fonts here, and warns in the notebooks where a home is missing.
 export MPLCONFIGDIR := $(CURDIR)/$(VENV)/matplotlib
 
-# Three tests at a time on two cores, as some wait for a browser or a kernel; those of one file in one
-# process, each with one thread of BLAS. The files come in the order of tests/conftest.py, the
-# longest first, not by the number of their tests.
-PYTEST := OPENBLAS_NUM_THREADS=1 $(PY) -m pytest -q -n 3 --dist loadfile --no-loadscope-reorder
+# Two tests at a time; those of one file in one process, each with one thread of BLAS. The files come
+# in the order of tests/conftest.py, the longest first, not by the number of their tests.
+PYTEST := OPENBLAS_NUM_THREADS=1 $(PY) -m pytest -q -n 2 --dist loadfile --no-loadscope-reorder
 EVERY_DAY := -m "not thorough"
 UNITS := tests nrdob book/nrdob_course
 NBVAL := --nbval --nbval-current-env --nbval-cell-timeout 300 \
@@ -77,7 +76,8 @@ test: $(READY) ## run the checks of every change, the notebooks among them
 	@$(MAKE) old-notebooks
 
 thorough: $(READY) ## run what takes longer: browsers, graded classes, wide random searches
-	$(PYTEST) -m thorough tests
+	@# Three at a time, as some wait for a browser.
+	$(PYTEST) -n 3 -m thorough tests
 	$(OLD_PROCESSOR) $(PYTEST) $(NBVAL) notebooks/class nrdob book/nrdob_course --doctest-modules
 
 lint: $(READY) layers ## style and formatting, and whether everything stands, and is told, where it belongs
@@ -102,7 +102,7 @@ map: $(READY) ## print the layers of the package, each module with its lines
 # Without the slow tests, those of the course (make test-exercises) and most random examples.
 quick: $(READY) ## the checks of the working day, in about a minute
 	@$(MAKE) --jobs=2 lint types layers unit \
-		EVERY_DAY='-n 2 -m "not slow" --ignore=tests/course --hypothesis-profile=quick' \
+		EVERY_DAY='-m "not slow" --ignore=tests/course --hypothesis-profile=quick' \
 		UNITS='tests nrdob'
 
 unit: $(READY) ## unit tests, doctests and the rules for notebooks

@@ -248,6 +248,7 @@ def test_the_bar_of_adrc_is_the_set_of_the_package(tab: Any) -> None:
         assert np.allclose(found, wanted, rtol=1e-5), at
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("signal", ["R", "d", "delta", "eta"])
 def test_adrc_answers_as_in_the_package(tab: Any, signal: str) -> None:
     rng = np.random.default_rng(35)

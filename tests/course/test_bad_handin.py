@@ -236,6 +236,7 @@ def test_a_notebook_that_cannot_be_written_is_named_briefly(
 # --- names --------------------------------------------------------------------------------------
 
 
+@pytest.mark.thorough
 @pytest.mark.skipif(sys.platform != "linux", reason="needs names that are any bytes")
 def test_names_in_another_encoding_are_told_apart_and_written(
     good: str, said: Said, tmp_path: Path

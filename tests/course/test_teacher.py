@@ -263,6 +263,7 @@ def test_pictures_that_are_too_many_are_named_and_the_rest_is_graded(
 # --- what goes back -----------------------------------------------------------------------------
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("platform", ["moodle", "canvas"])
 def test_feedback_goes_back_under_the_names_under_which_it_came(
     platform: str, school: Class, notebook: Any, tmp_path: Path
