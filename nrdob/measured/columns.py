@@ -23,8 +23,8 @@ BESIDE = (
 # Headings of input and output, without units and in small letters; with numbers if there are
 # several.
 SIGNALS = {
-    "u": ("u", "input", "in", "control", "mv", "eingang"),
-    "y": ("y", "output", "out", "measurement", "pv", "ausgang"),
+    "u": ("u", "input", "in", "control", "mv", "eingang", "stellgröße", "stellgrad"),
+    "y": ("y", "output", "out", "measurement", "pv", "ausgang", "regelgröße", "istwert"),
 }
 # First words of headings beside which input and output may be those of a controller.
 SET_POINTS = ("setpoint", "set", "sp", "reference", "sollwert")

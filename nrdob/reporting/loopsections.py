@@ -130,7 +130,7 @@ def _margins(loop: NRDOB, step: float | None, title: str) -> Section:
     )
     table = Table(
         "How much gain, phase and dead time the loops tolerate",
-        ("loop", "gain may rise by", "gain may fall by", "phase", "peak Ms", "more dead time"),
+        ("loop", "gain may rise by", "gain may fall by", "phase", "peak Ms", "delay margin"),
         rows,
     )
     warnings = tuple(_warnings(found.plant_loop, loop, step))

@@ -63,6 +63,10 @@ ASKED = {"columns": {"t": "Time", "u": "Q1", "y": "T2"}}
 DRESSES = {
     "plain": (lines("t,u,y", plain), {}),
     "other names": (lines("Time,MV,PV", plain), {}),
+    "German names, u last": (
+        lines("Zeit [s];Istwert;Stellgrad", lambda *each: [comma(*each)[k] for k in (0, 2, 1)], ";"),
+        {},
+    ),
     "one name is known": (lines("time,voltage,temperature", plain), {}),
     "no name is known": (lines("ts,q,th", plain), {}),
     "no headings": (lines("", plain), {}),
