@@ -64,8 +64,7 @@ DRESSES = {
     "plain": (lines("t,u,y", plain), {}),
     "other names": (lines("Time,MV,PV", plain), {}),
     "German names, u last": (
-        lines("Zeit [s];Istwert;Stellgrad", lambda *each: [comma(*each)[k] for k in (0, 2, 1)], ";"),
-        {},
+        lines("Zeit;Istwert;Stellgrad", lambda *row: [comma(*row)[k] for k in (0, 2, 1)], ";"), {},
     ),
     "one name is known": (lines("time,voltage,temperature", plain), {}),
     "no name is known": (lines("ts,q,th", plain), {}),
