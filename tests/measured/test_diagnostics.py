@@ -586,7 +586,7 @@ def test_a_loop_is_tried_on_what_the_record_does_not_exclude():
     proposal = propose(found)
     loop = proposal.loop
     plants = [found.process, *(each.process for each in found.candidates if each.rival)]
-    plants += [found.plain, *found.corners.values()]
+    plants += [found.least_squares, *found.corners.values()]
     assert len(found.corners) == 2 ** len(found.parameters)
     assert len(proposal.trials) == len(plants)
     for plant, trial in zip(plants, proposal.trials, strict=True):

@@ -131,9 +131,9 @@ def test_one_lag_by_least_squares_is_a_rival():
     fits = [least_squares(rest, start, bounds=bounds, diff_step=1e-2) for start in starts]
     gain, lag, delay, _ = min(fits, key=lambda fit: fit.cost).x
     found = of_heated_air()
-    assert found.plain.dcgain() == pytest.approx(gain, rel=0.02)
-    assert -1 / found.plain.poles()[0].real == pytest.approx(lag, rel=0.05)
-    assert found.plain.delay == pytest.approx(delay, abs=0.2 * step)
+    assert found.least_squares.dcgain() == pytest.approx(gain, rel=0.02)
+    assert -1 / found.least_squares.poles()[0].real == pytest.approx(lag, rel=0.05)
+    assert found.least_squares.delay == pytest.approx(delay, abs=0.2 * step)
     assert any("plain least squares" in trial.process for trial in propose(found).trials)
 
 
