@@ -184,8 +184,8 @@ def _points(blocks: Blocks, cancelled: Blocks, within: Ratio) -> dict[str, list[
         ]
     except ValueError as error:
         raise ArithmeticError(f"no certificate: {error}") from error
-    (functions, _, _, delay, own_delay, _), *_ = built
-    if within and delay == own_delay:
+    (functions, _, _, delay, model_delay, _), *_ = built
+    if within and delay == model_delay:
         # There one term of p_B would hold both, of which only one moves: a shorter part has not.
         raise ArithmeticError("no certificate: the dead time is that of the model in the middle")
     points, moved = {}, {"delay": float(delay), "within": float(within)}

@@ -64,11 +64,11 @@ def prove(certificate: Any) -> tuple[Any, ...]:
     built = [build([G, *others, F], cancelled) for G, F in product(processes, filters)]
     (functions, factors, _, *ends), uneven = built[0], max(error for _, _, error, *_ in built)
     need(all(other[3:] == ends for other in map(list, built)), "dead times or signs of D differ")
-    delay, own, _ = ends
+    delay, model_delay, _ = ends
     need(len(filters) == 1 or not uneven, "with several filters only what is exact cancels")
-    need(variable == "s" or delay == own == 0, "a sampled loop has no dead times")
+    need(variable == "s" or delay == model_delay == 0, "a sampled loop has no dead times")
     need(0 <= (reach := read([within], "points")[0]) <= delay, "the dead time becomes negative")
-    need(delay != own or not reach, "cut the interval where the dead time is the model's")
+    need(delay != model_delay or not reach, "cut the interval where the dead time is the model's")
     claims, points = (members(part, " ".join(functions)) for part in (claims, points))
     for (name, (f, power)), claim, chosen in zip(functions.items(), claims, points, strict=True):
         every = [f, *(other[name][0] for other, *_ in built if other[name][0] != f)]

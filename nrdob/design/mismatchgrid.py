@@ -93,12 +93,12 @@ class Frequencies:
     @cached_property
     def neutral_limit(self) -> float:
         """λ below which a dead time leaves infinitely many unstable roots; 0 if there is none."""
-        delay, own = self.mismatch.delay, self.mismatch.model_delay
+        delay, model_delay = self.mismatch.delay, self.mismatch.model_delay
         ahead, behind, delayed = (p[::-1] for p in self.mismatch.leading())
         least = ahead + (delay == 0) * behind
         # Those with dead time are all multiples of the same polynomial in λ.
         most = (delay > 0) * np.abs(behind) + np.abs(delayed)
-        if delay == own:
+        if delay == model_delay:
             most = (delay > 0) * np.abs(behind + delayed)
         if not most.any():
             return 0.0

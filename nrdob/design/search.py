@@ -171,13 +171,13 @@ class FilterSearch:
         return found
 
     def _past_infinity(self, end: Bracket, far: float) -> Bracket:
-        """Go on from an end that only the limit at infinite frequency sets: peaks may be higher."""
-        outside, inside, step = *end, 1e-4
-        if outside != inside or any(inside in interval for interval in self.intervals):
+        """Open an end that only the limit at infinite frequency sets, as peaks may be higher.
+
+        `SHORT` beyond it, none is at frequencies that were not followed.
+        """
+        if end.outside != end.inside or any(end.inside in each for each in self.intervals):
             return end
-        while self.slack(inside) < 0 and inside < far:
-            outside, inside, step = inside, min(inside * (1 + step), far), 4 * step
-        return Bracket(outside, inside)
+        return Bracket(end.outside, min(SHORT * end.inside, far))
 
     @cached_property
     def closest(self) -> tuple[float, Margins]:
